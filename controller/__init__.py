@@ -1,0 +1,1 @@
+"""The controller's world: an analytic belief about the walker, a gait and a law. Never the plant."""

@@ -1,0 +1,1 @@
+"""The plant's world: MuJoCo, contact, pushes, errors, time and logs."""

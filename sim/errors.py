@@ -1,0 +1,9 @@
+"""Errors a user can cause or meet; every message names the thing, its value, its unit and what is legal."""
+
+
+class UserError(ValueError):
+    """Bad input. The command line prints the message on one line and exits with code 2."""
+
+
+class PlantDiverged(RuntimeError):
+    """The plant's state is not finite any more, or the engine raised a warning that means the same."""

@@ -1,0 +1,69 @@
+"""How a run can end, and what is reported of it."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Outcome(Enum):
+    """End of a run. A fall is a result; an error is a defect or an impossible plant state."""
+
+    COMPLETED = "completed"
+    FELL = "fell"
+    ERROR = "error"
+    INTERRUPTED = "interrupted"
+
+
+class FallReason(Enum):
+    """Why a run counts as a fall; the value is the sentence users read."""
+
+    NONE = ""
+    HIP_LOW = "the hip sank below the fall height"
+    TORSO_TILT = "the torso tilted beyond the fall angle"
+    BODY_CONTACT = "a link other than a foot touched the ground"
+    STALLED = "no step within the stall time"
+    DIVERGED = "the plant's state is not finite any more"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSummary:
+    """The figures of one run; `cmpc run --json` prints exactly these fields.
+
+    Attributes:
+        outcome: Value of `Outcome`.
+        fall_reason: Value of `FallReason` (with detail), empty unless the walker fell.
+        steps: Completed steps (touch-downs ahead of the stance foot).
+        time_s: Simulated time in [s].
+        step_time_s: Mean step time in [s]; None before the first completed step.
+        step_length_m: Mean step length in [m]; None before the first completed step.
+        peak_torque_Nm: Largest applied torque of each joint in [N.m].
+        torque_limit_Nm: Limit of each joint in [N.m].
+        friction_ratio_max: Worst |F_T/F_N| of the stance foot, without the 20 ms after each impact.
+        output_error_rms_rad: RMS of the four outputs over the run in [rad].
+        mpc_torque_share: RMS of the MPC's torque over the RMS of ZD+PD's.
+        solve_ms: Solver wall time in [ms]: "median", "p99", "max".
+        tick_ms: Controller wall time, observation in to torque out, in [ms]: "median", "p99", "max".
+        fallbacks: Ticks in which the fall-back policy was used.
+        slack_max_N: Largest softening of a contact-force row in [N].
+        realtime_factor: Simulated over wall time.
+        log: Path of the log, empty if none was written.
+        message: Detail of an error or an interruption.
+    """
+
+    outcome: str
+    fall_reason: str
+    steps: int
+    time_s: float
+    step_time_s: float | None
+    step_length_m: float | None
+    peak_torque_Nm: dict[str, float]
+    torque_limit_Nm: dict[str, float]
+    friction_ratio_max: float | None
+    output_error_rms_rad: float | None
+    mpc_torque_share: float | None
+    solve_ms: dict[str, float]
+    tick_ms: dict[str, float]
+    fallbacks: int
+    slack_max_N: float
+    realtime_factor: float
+    log: str = ""
+    message: str = ""
