@@ -1,0 +1,210 @@
+"""C-MPC: a second layer that corrects ZD+PD where it errs, saturates or would slip."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller import kernels
+from controller.gait import Gait
+from controller.kernels import MIRROR
+from controller.model import WalkerModel
+from controller.prediction import Horizon, predict
+from controller.qp import ROWS, Solver, StageQP, failed
+from controller.records import ControlStep, Observation, Vector
+from controller.stance import StanceEstimator
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Weights:
+    """Cost of Eq. (16) on e = (y, dy) and u_tilde; stage k counts k times (Sec. III.E).
+
+    Attributes:
+        Q_position: Diagonal of the weight on y, (4,).
+        Q_velocity: Diagonal of the weight on dy, (4,).
+        R: Diagonal of the weight on u_tilde, (4,).
+    """
+
+    Q_position: Vector
+    Q_velocity: Vector
+    R: Vector
+
+    @classmethod
+    def of_paper(cls, gains: kernels.Gains, T: float) -> "Weights":
+        """Q = diag(2 K_P / T^2, K_D / T) and R = I, Sec. III.E."""
+        return cls(Q_position=2.0 * gains.kp / T**2, Q_velocity=gains.kd / T, R=np.ones(4))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Friction:
+    """Contact-force limits of Eq. (21).
+
+    Attributes:
+        mu: Friction coefficient the controller counts on.
+        normal_min: Least normal force in [N]; it keeps Eq. (21) linear.
+        penalty: Cost of a softened row in [1/N^2]; large enough that a row gives way only where the torque box
+            leaves no choice.
+    """
+
+    mu: float
+    normal_min: float
+    penalty: float = 1e5
+
+
+class CascadedMpc:
+    """The paper's controller (`c-mpc`)."""
+
+    def __init__(
+        self,
+        model: WalkerModel,
+        gait: Gait,
+        gains: kernels.Gains,
+        *,
+        N: int,
+        T: float,
+        weights: Weights,
+        friction: Friction | None,
+        solver: Solver,
+    ) -> None:
+        """Put the parts together.
+
+        Args:
+            model: The walker believed in; its torque limits are the box.
+            gait: The outputs.
+            gains: ZD+PD gains.
+            N: Horizon in stages.
+            T: Sampling time in [s].
+            weights: Cost.
+            friction: Contact-force limits, None to leave the friction rows out.
+            solver: Solves Eq. (22).
+        """
+        self.model, self.gait, self.gains = model, gait, gains
+        self.N, self.T = N, T
+        self.weights, self.friction, self.solver = weights, friction, solver
+        self.stance = StanceEstimator(model)
+
+    def reset(self, stance: str) -> None:
+        """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
+        self.stance.reset(stance)
+
+    def step(self, observation: Observation) -> ControlStep:
+        """One tick, as listed in Sec. III.D."""
+        state = self.stance.update(observation)  # which leg stands
+        horizon = predict(self.model, self.gait, self.gains, state, self.N, self.T)  # Eqs. (10)-(13)
+        if horizon.is_finite:
+            problem = build_problem(horizon, self.weights, self.model.torque_limits, self.friction)  # Eqs. (14)-(22)
+            solution = self.solver.solve(problem)
+        else:
+            solution = failed(self.N, "prediction diverged")
+        u = horizon.u[0]
+        limit = self.model.torque_limits
+        if solution.found:
+            u_mpc = solution.u[0]
+        else:
+            u_mpc = np.clip(u, -limit, limit) - u  # the one fall-back policy: saturated ZD+PD
+        u_total = u + u_mpc  # Eq. (23)
+        return ControlStep(
+            stance=state.leg.value,
+            u_zd=state.leg.from_body(u),
+            u_mpc=state.leg.from_body(u_mpc),
+            u_total=state.leg.from_body(u_total),
+            y=horizon.y[0],
+            dy=horizon.dy[0],
+            theta=horizon.theta,
+            dtheta=horizon.dtheta,
+            s=self.gait.normalised(horizon.theta),
+            contact_force=horizon.force[0] + horizon.force_per_torque[0] @ u_mpc,  # Eq. (20)
+            impact_in=horizon.impact_in,
+            status=solution.status,
+            fallback=not solution.found,
+            iterations=solution.iterations,
+            residuals=solution.residuals,
+            slack=solution.slack,
+            active=solution.active,
+            solve_s=solution.solve_s,
+        )
+
+
+def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: Friction | None) -> StageQP:
+    """The quadratic program over the MPC's torques.
+
+    Implements: Eqs. (14)-(17), (19), (21)-(22).
+
+    Every predicted error depends on the torques through their sum alone (Eq. (15)): with
+    w_k = sum_{j<k} T (D^-1 B)_j u_tilde_j, the error is e_k = (y_k + T/2 w_k, dy_k + w_k). A predicted impact
+    exchanges the names of the legs; the problem is written in the names of stage 0 throughout.
+
+    Args:
+        horizon: Partial prediction.
+        weights: Cost on errors and inputs.
+        limit: Torque limits in [N.m], (4,): hips, then knees.
+        friction: Contact-force limits, None for none.
+    """
+    N = horizon.u.shape[0]
+    rows = 0 if friction is None else ROWS
+    problem = StageQP(
+        rate=np.empty((N, 4, 4)),
+        weight=np.empty((N, 4)),
+        linear=np.empty((N, 4)),
+        R=weights.R,
+        lower=np.empty((N, 4)),
+        upper=np.empty((N, 4)),
+        rows=np.empty((N, rows, 4)),
+        limits=np.empty((N, rows)),
+        penalty=0.0 if friction is None else friction.penalty,
+    )
+    _errors(
+        horizon.T, horizon.y, horizon.dy, horizon.rate_per_torque, horizon.exchange, weights.Q_position,
+        weights.Q_velocity, problem.rate, problem.weight, problem.linear,
+    )  # fmt: skip
+    _box(horizon.u, horizon.exchange, limit, problem.lower, problem.upper)
+    if friction is not None:
+        _contact_rows(
+            horizon.force, horizon.force_per_torque, horizon.exchange, friction.mu, friction.normal_min,
+            problem.rows, problem.limits,
+        )  # fmt: skip
+    return problem
+
+
+@kernels.compiled
+def _errors(T, y, dy, rate_per_torque, exchange, Qp, Qd, rate, weight, linear):  # type: ignore[no-untyped-def]
+    """Cost of the error stack in w, Eqs. (14)-(17); stage k counts k times."""
+    mirrored = False
+    for k in range(exchange.shape[0]):
+        for i in range(4):
+            a = MIRROR[i] if mirrored else i
+            for j in range(4):
+                rate[k, a, MIRROR[j] if mirrored else j] = rate_per_torque[k, i, j]
+        mirrored = mirrored != exchange[k]
+        for i in range(4):
+            a = MIRROR[i] if mirrored else i
+            weight[k, a] = (k + 1) * (0.25 * T * T * Qp[i] + Qd[i])
+            linear[k, a] = (k + 1) * (0.5 * T * Qp[i] * y[k + 1, i] + Qd[i] * dy[k + 1, i])
+
+
+@kernels.compiled
+def _box(u, exchange, limit, lower, upper):  # type: ignore[no-untyped-def]
+    """U_min - u <= U <= U_max - u, Eqs. (19) and (22)."""
+    mirrored = False
+    for k in range(exchange.shape[0]):
+        for i in range(4):
+            a = MIRROR[i] if mirrored else i
+            lower[k, a] = -limit[i] - u[k, i]
+            upper[k, a] = limit[i] - u[k, i]
+        mirrored = mirrored != exchange[k]
+
+
+@kernels.compiled
+def _contact_rows(force, per_torque, exchange, mu, normal_min, rows, limits):  # type: ignore[no-untyped-def]
+    """|F_T| <= mu F_N as two rows, which Eq. (21) is once F_N > 0, and F_N >= normal_min."""
+    mirrored = False
+    for k in range(exchange.shape[0]):
+        for j in range(4):
+            a = MIRROR[j] if mirrored else j
+            tangential, normal = per_torque[k, 0, j], per_torque[k, 1, j]
+            rows[k, 0, a] = tangential - mu * normal
+            rows[k, 1, a] = -tangential - mu * normal
+            rows[k, 2, a] = -normal
+        limits[k, 0] = mu * force[k, 1] - force[k, 0]
+        limits[k, 1] = mu * force[k, 1] + force[k, 0]
+        limits[k, 2] = force[k, 1] - normal_min
+        mirrored = mirrored != exchange[k]

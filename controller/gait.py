@@ -1,0 +1,193 @@
+"""A gait: Bezier outputs h_d over the internal clock theta, and the file it comes from.
+
+Implements: Eq. (5) (the outputs) and the clock theta = c q below it.
+"""
+
+import tomllib
+from dataclasses import dataclass
+from math import comb
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller import kernels
+from controller.errors import ControllerInputError
+from controller.model import WalkerModel
+from controller.records import ACTUATED, Vector, swap_legs
+
+_N_Q, _N_U = kernels.N_Q, kernels.N_U
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Gait:
+    """One periodic step.
+
+    Attributes:
+        name: Name in messages and logs.
+        source: Where the numbers come from.
+        alpha: Bezier coefficients of h_d,i in [rad], (4, M + 1): rows stance hip, swing hip, stance knee, swing
+            knee; first column the posture after, last column the posture before impact.
+        clock: c of theta = c q, (5,).
+        q_minus: Coordinates just before impact in [rad], (5,).
+        dq_minus: Rates just before impact in [rad/s], (5,).
+        table: The same outputs, compiled for the kernels.
+    """
+
+    name: str
+    source: str
+    alpha: Vector
+    clock: Vector
+    q_minus: Vector
+    dq_minus: Vector
+    table: kernels.GaitTable
+
+    @classmethod
+    def of(cls, *, name: str, source: str, alpha: Vector, clock: Vector, q_minus: Vector, dq_minus: Vector) -> "Gait":
+        """Build a gait; the clock's range follows from the posture before impact and its mirror image."""
+        theta_plus, theta_minus = float(clock @ swap_legs(q_minus)), float(clock @ q_minus)
+        table = kernels.GaitTable(
+            poly=power_basis(alpha),
+            clock=np.array(clock, dtype=float),
+            theta_start=theta_plus,
+            theta_span=theta_minus - theta_plus,
+        )
+        return cls(
+            name=name, source=source, alpha=alpha, clock=clock, q_minus=q_minus, dq_minus=dq_minus, table=table
+        )
+
+    @property
+    def theta_plus(self) -> float:
+        """Clock just after impact in [rad]."""
+        return self.table.theta_start
+
+    @property
+    def theta_minus(self) -> float:
+        """Clock just before impact in [rad]."""
+        return self.table.theta_start + self.table.theta_span
+
+    def normalised(self, theta: float) -> float:
+        """s = (theta - theta+) / (theta- - theta+)."""
+        return (theta - self.table.theta_start) / self.table.theta_span
+
+    def desired(self, theta: float) -> tuple[Vector, Vector, Vector]:
+        """h_d, dh_d/dtheta and d2h_d/dtheta2 at a clock value in [rad], (4,) each."""
+        s, span = self.normalised(theta), self.table.theta_span
+        return tuple(_bezier(self.alpha, s, order) / span**order for order in range(3))  # type: ignore[return-value]
+
+    def post_impact(self, model: WalkerModel) -> tuple[Vector, Vector]:
+        """First state of a step: the rigid impact of the state before it, Eq. (3)."""
+        return model.impact(self.q_minus, self.dq_minus)
+
+
+def _bezier(alpha: Vector, s: float, order: int) -> Vector:
+    """Derivative of given order of the Bezier polynomials with respect to s, in Bernstein form."""
+    degree = alpha.shape[1] - 1
+    if order > degree:
+        return np.zeros(alpha.shape[0])
+    coefficients = alpha
+    for k in range(order):
+        coefficients = (degree - k) * np.diff(coefficients, axis=1)
+    n = degree - order
+    basis = np.array([comb(n, k) * s**k * (1.0 - s) ** (n - k) for k in range(n + 1)])
+    return coefficients @ basis
+
+
+def power_basis(alpha: Vector) -> Vector:
+    """Coefficients of the same polynomials in powers of s, lowest first, (4, M + 1).
+
+    Evaluated by Horner's rule they cost a quarter of the Bernstein form and agree with it to rounding at the
+    degrees gaits have.
+    """
+    degree = alpha.shape[1] - 1
+    convert = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        for j in range(k, degree + 1):
+            convert[k, j] = comb(degree, k) * comb(degree - k, j - k) * (-1) ** (j - k)
+    return np.ascontiguousarray(alpha @ convert)
+
+
+def load_gait(path: Path, model: WalkerModel) -> Gait:
+    """Read and check a gait file.
+
+    Args:
+        path: TOML file with name, source, clock, q_minus, dq_minus, alpha and the tolerances of its periodicity.
+        model: The walker it is for; its impact map judges periodicity.
+
+    Raises:
+        ControllerInputError: file missing, of wrong shape, not finite, or not periodic within its tolerance.
+    """
+    if not path.is_file():
+        raise ControllerInputError(f"{path}: no such gait file")
+    try:
+        data = tomllib.loads(path.read_text())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ControllerInputError(f"{path}: not a TOML file ({error})") from error
+    return parse_gait(data, str(path), model)
+
+
+def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
+    """Build and check a gait from the content of a gait file; `where` names it in errors."""
+    alpha = _array(data, "alpha", where, rows=_N_U)
+    gait = Gait.of(
+        name=str(data.get("name", Path(where).stem)),
+        source=str(data.get("source", "")),
+        alpha=alpha,
+        clock=_array(data, "clock", where, size=_N_Q),
+        q_minus=_array(data, "q_minus", where, size=_N_Q),
+        dq_minus=_array(data, "dq_minus", where, size=_N_Q),
+    )
+    if "degree" in data and data["degree"] != alpha.shape[1] - 1:
+        raise ControllerInputError(
+            f"{where}: degree = {data['degree']!r} but alpha has {alpha.shape[1]} columns; legal: degree + 1 columns"
+        )
+    _check_periodic(gait, data, where, model)
+    return gait
+
+
+def _check_periodic(gait: Gait, data: dict[str, Any], where: str, model: WalkerModel) -> None:
+    """Hybrid invariance: the posture and the rates after impact lie on the polynomials' start."""
+    tolerance_q = _tolerance(data, "periodicity_tolerance_rad", 1e-3, where)
+    tolerance_dq = _tolerance(data, "periodicity_tolerance_rad_s", 1e-2, where)
+    if not gait.table.theta_span > 0.0:
+        raise ControllerInputError(
+            f"{where}: clock runs from {gait.theta_plus:.4f} to {gait.theta_minus:.4f} rad; legal: it grows in a step"
+        )
+    q_plus, dq_plus = gait.post_impact(model)
+    start, slope, _ = gait.desired(gait.theta_plus)
+    end = gait.desired(gait.theta_minus)[0]
+    errors = {
+        "posture before impact": (gait.q_minus[ACTUATED] - end, tolerance_q, "rad"),
+        "posture after impact": (q_plus[ACTUATED] - start, tolerance_q, "rad"),
+        "rates after impact": (dq_plus[ACTUATED] - slope * (gait.clock @ dq_plus), tolerance_dq, "rad/s"),
+    }
+    for what, (error, tolerance, unit) in errors.items():
+        worst = float(np.abs(error).max())
+        if not worst <= tolerance:
+            raise ControllerInputError(
+                f"{where}: not periodic, {what} misses the gait by {worst:.3g} {unit}; legal: up to {tolerance} {unit}"
+            )
+
+
+def _tolerance(data: dict[str, Any], key: str, default: float, where: str) -> float:
+    value = data.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
+        raise ControllerInputError(f"{where}: {key} = {value!r}; legal: a number above 0")
+    return float(value)
+
+
+def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = None, rows: int | None = None) -> Vector:
+    """A finite array of (size,) or (rows, at least 3) from a gait file."""
+    legal = f"{size} numbers" if size else f"{rows} rows of equal length, at least 3 coefficients each"
+    if key not in data:
+        raise ControllerInputError(f"{where}: {key} is missing; legal: {legal}")
+    try:
+        array = np.array(data[key], dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ControllerInputError(f"{where}: {key} is not an array of numbers; legal: {legal}") from error
+    fits = array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
+    if not fits:
+        raise ControllerInputError(f"{where}: {key} has shape {array.shape}; legal: {legal}")
+    if not np.isfinite(array).all():
+        raise ControllerInputError(f"{where}: {key} holds a value that is not finite; legal: {legal}")
+    return array

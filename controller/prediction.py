@@ -1,0 +1,87 @@
+"""Partial prediction: the closed loop under ZD+PD alone, simulated ahead through predicted impacts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller import kernels
+from controller.gait import Gait
+from controller.model import WalkerModel
+from controller.records import StanceState, Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Horizon:
+    """What the closed loop does over N stages if the MPC stays silent, each stage in its own stance order.
+
+    Attributes:
+        T: Sampling time in [s].
+        x: States (q, dq) in [rad], [rad/s], (N + 1, 10).
+        u: ZD+PD torque in [N.m], (N, 4), not saturated.
+        y: Outputs in [rad], (N + 1, 4): the position rows of e_k in Eq. (14).
+        dy: Output rates in [rad/s], (N + 1, 4): its velocity rows.
+        rate_per_torque: Velocity rows of T g_k for the controlled coordinates, T (D^-1 B)_k, in
+            [rad/s/(N.m)], (N, 4, 4). By Eq. (12) the position rows are T/2 times these.
+        force: Stance contact force F_f of Eq. (20), (tangential, normal) in [N], (N, 2).
+        force_per_torque: -S_MPC of Eq. (20) in [1/m], (N, 2, 4).
+        exchange: Whether the legs are exchanged by an impact after stage k, (N,).
+        theta: Clock at stage 0 in [rad].
+        dtheta: Its rate in [rad/s].
+    """
+
+    T: float
+    x: Vector
+    u: Vector
+    y: Vector
+    dy: Vector
+    rate_per_torque: Vector
+    force: Vector
+    force_per_torque: Vector
+    exchange: NDArray[np.bool_]
+    theta: float
+    dtheta: float
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the prediction stayed finite; that of a fallen walker need not."""
+        return bool(np.isfinite(self.x[-1]).all() and np.isfinite(self.force).all())
+
+    @property
+    def impact_in(self) -> int:
+        """Stages to the first predicted impact, -1 if there is none."""
+        first = int(self.exchange.argmax())
+        return first + 1 if self.exchange[first] else -1
+
+
+def predict(
+    model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceState, N: int, T: float
+) -> Horizon:
+    """Simulate the closed loop under ZD+PD from the measured state, u_tilde = 0.
+
+    Implements: Eqs. (10)-(13).
+
+    Args:
+        model: The walker believed in.
+        gait: The outputs.
+        gains: ZD+PD gains.
+        state: Measured state.
+        N: Stages.
+        T: Sampling time in [s].
+
+    Returns:
+        The horizon; an impact is found from the predicted state (swing foot at or below the stance foot, ahead of
+        it and going down), never from time.
+    """
+    arrays = kernels.Rollout(
+        x=np.empty((N + 1, 10)),
+        u=np.empty((N, 4)),
+        y=np.empty((N + 1, 4)),
+        dy=np.empty((N + 1, 4)),
+        rate_per_torque=np.empty((N, 4, 4)),
+        force=np.empty((N, 2)),
+        force_per_torque=np.empty((N, 2, 4)),
+        exchange=np.empty(N, dtype=np.bool_),
+    )
+    theta, dtheta = kernels.rollout(model.lumped, gait.table, gains, T, state.q, state.dq, arrays)
+    return Horizon(T=T, theta=theta, dtheta=dtheta, **arrays._asdict())

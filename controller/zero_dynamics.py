@@ -1,0 +1,100 @@
+"""ZD+PD: feedback linearisation of the outputs with a PD law on top, and the controller made of it alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller import kernels
+from controller.gait import Gait
+from controller.model import WalkerModel
+from controller.records import ControlStep, Observation, StanceState, Vector
+from controller.stance import StanceEstimator
+
+NO_TORQUE = np.zeros(4)  # [N.m]
+NO_RESIDUALS = np.zeros(3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ZeroDynamicsStep:
+    """The ZD+PD law at one state, stance order.
+
+    Attributes:
+        u: Torque of Eq. (7) in [N.m], (4,), not saturated.
+        y: Outputs in [rad], (4,).
+        dy: Output rates in [rad/s], (4,).
+        theta: Clock in [rad].
+        dtheta: Clock rate in [rad/s].
+        ddq: Acceleration under u in [rad/s^2], (5,).
+    """
+
+    u: Vector
+    y: Vector
+    dy: Vector
+    theta: float
+    dtheta: float
+    ddq: Vector
+
+
+def zero_dynamics_pd(
+    model: WalkerModel, gait: Gait, gains: kernels.Gains, q: Vector, dq: Vector
+) -> ZeroDynamicsStep:
+    """Torque u = (L_g L_f h)^-1 (v - L_f^2 h) with v = -K_D dy - K_P y.
+
+    Implements: Eqs. (6)-(9).
+
+    Args:
+        model: The walker believed in.
+        gait: The outputs.
+        gains: Diagonals of K_P in [1/s^2] and K_D in [1/s].
+        q: Coordinates in [rad], (5,).
+        dq: Rates in [rad/s], (5,).
+    """
+    stage = kernels.new_stage()
+    theta, dtheta = kernels.closed_loop(model.lumped, gait.table, gains, q, dq, stage)
+    return ZeroDynamicsStep(u=stage.u, y=stage.y, dy=stage.dy, theta=theta, dtheta=dtheta, ddq=stage.ddq)
+
+
+class ZeroDynamicsController:
+    """The paper's first layer on its own (`zd-pd`)."""
+
+    def __init__(self, model: WalkerModel, gait: Gait, gains: kernels.Gains) -> None:
+        """Args are those of `zero_dynamics_pd`."""
+        self.model, self.gait, self.gains = model, gait, gains
+        self.stance = StanceEstimator(model)
+        self._force = np.empty(2)
+        self._force_per_torque = np.empty((2, 4))
+
+    def reset(self, stance: str) -> None:
+        """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
+        self.stance.reset(stance)
+
+    def step(self, observation: Observation) -> ControlStep:
+        """One tick: which leg stands, then Eq. (7)."""
+        state: StanceState = self.stance.update(observation)
+        stage = kernels.new_stage()
+        theta, dtheta = kernels.closed_loop(
+            self.model.lumped, self.gait.table, self.gains, state.q, state.dq, stage
+        )
+        force = np.empty(2)
+        kernels.stance_force(self.model.lumped, stage.u, stage, force, self._force_per_torque)
+        u = state.leg.from_body(stage.u)
+        return ControlStep(
+            stance=state.leg.value,
+            u_zd=u,
+            u_mpc=NO_TORQUE,
+            u_total=u,
+            y=stage.y,
+            dy=stage.dy,
+            theta=theta,
+            dtheta=dtheta,
+            s=self.gait.normalised(theta),
+            contact_force=force,
+            impact_in=-1,
+            status="zd-pd",
+            fallback=False,
+            iterations=0,
+            residuals=NO_RESIDUALS,
+            slack=0.0,
+            active=0,
+            solve_s=0.0,
+        )

@@ -1,0 +1,76 @@
+"""The program `cmpc`: finds the sub-command and turns errors into one line and an exit code.
+
+A sub-command is a module of `sim.commands` with `main(argv) -> int`, imported when it is called, and a line
+in `COMMANDS`.
+"""
+
+import difflib
+import importlib
+import sys
+from collections.abc import Sequence
+
+from sim.errors import UserError
+
+COMMANDS = {
+    "run": "Run one scenario, show its summary and leave a log.",
+}
+
+EXIT_USER_ERROR = 2
+EXIT_INTERRUPTED = 130
+
+
+def entry_point() -> None:
+    """Console script `cmpc`."""
+    sys.exit(main(sys.argv[1:]))
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run one command line.
+
+    Args:
+        argv: Words after the program's name.
+
+    Returns:
+        Exit code: 0, 1 for a run that ended in an error, 2 for bad input, 128 + the signal if interrupted.
+    """
+    try:
+        return _dispatch(argv)
+    except UserError as error:
+        print("cmpc: error:", " ".join(str(error).split()), file=sys.stderr)
+        return EXIT_USER_ERROR
+    except KeyboardInterrupt:
+        print("cmpc: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+
+def _dispatch(argv: Sequence[str]) -> int:
+    if not argv or argv[0] in ("-h", "--help"):
+        print(_help())
+        return 0
+    if argv[0] == "--version":
+        from importlib.metadata import version
+
+        print("cmpc", version("cmpc-walker"))
+        return 0
+    name, *rest = argv
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, n=1)
+        guess = f"did you mean {near[0]}? " if near else ""
+        raise UserError(f"unknown command {name!r}; {guess}Commands: {', '.join(COMMANDS)}")
+    return int(importlib.import_module(f"sim.commands.{name}").main(rest))
+
+
+def _help() -> str:
+    lines = [f"  {name:<12}{line}" for name, line in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: cmpc COMMAND [options]",
+            "",
+            "Cascaded MPC for the five-link biped RABBIT, walking in MuJoCo.",
+            "",
+            "commands:",
+            *lines,
+            "",
+            "cmpc COMMAND --help shows the options of a command, cmpc --version the version.",
+        ]
+    )

@@ -1,0 +1,1 @@
+"""The sub-commands of `cmpc`, one module each with `main(argv) -> int`."""

@@ -1,0 +1,175 @@
+"""The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from controller import kernels
+from controller.cascade import CascadedMpc, Friction, Weights
+from controller.errors import ControllerInputError
+from controller.gait import Gait, load_gait
+from controller.model import WalkerModel
+from controller.qp import make_solver
+from controller.zero_dynamics import ZeroDynamicsController
+from sim import provenance
+from sim.errors import UserError
+from sim.interface import Controller, Vector
+from sim.loop import Loop, NoTape, Progress, Stop
+from sim.outcome import RunSummary
+from sim.plant import MujocoPlant
+from sim.recorder import Recorder, RunHeader
+from sim.scenario import ControllerSettings, Scenario, to_toml
+from sim.walkers import WalkerFolder
+
+FIRST_STANCE = "left"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """What the controller knows about the walker.
+
+    Attributes:
+        model: Analytic model.
+        gait: The gait to follow.
+    """
+
+    model: WalkerModel
+    gait: Gait
+
+
+@contextlib.contextmanager
+def _as_user_errors() -> Iterator[None]:
+    try:
+        yield
+    except ControllerInputError as error:
+        raise UserError(str(error)) from error
+
+
+def load_belief(scenario: Scenario) -> Belief:
+    """The controller's model and gait.
+
+    Raises:
+        UserError: a file is missing, unreadable or not legal.
+    """
+    folder = WalkerFolder.find(scenario.walker)
+    with _as_user_errors():
+        model = WalkerModel(folder.urdf)
+        return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
+
+
+def build_controller(settings: ControllerSettings, belief: Belief) -> Controller:
+    """The controller a scenario asks for.
+
+    Raises:
+        UserError: unknown solver.
+    """
+    gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
+    if settings.kind == "zd-pd":
+        return ZeroDynamicsController(belief.model, belief.gait, gains)
+    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min)
+    with _as_user_errors():
+        return CascadedMpc(
+            belief.model,
+            belief.gait,
+            gains,
+            N=settings.horizon,
+            T=settings.period,
+            weights=Weights.of_paper(gains, settings.period),
+            friction=friction if settings.friction_rows else None,
+            solver=make_solver(settings.solver, settings.horizon),
+        )
+
+
+def build_plant(scenario: Scenario) -> MujocoPlant:
+    """The plant a scenario asks for, not yet reset.
+
+    Raises:
+        UserError: a model file or a setting is not legal.
+    """
+    folder = WalkerFolder.find(scenario.walker)
+    return MujocoPlant(scenario.plant, folder.mjcf, scenario.controller.period)
+
+
+def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
+    """First state in body order: the gait's state after impact, with the scenario's offsets.
+
+    Returns:
+        q in [rad] and dq in [rad/s], (5,) each; the left leg stands.
+    """
+    q, dq = belief.gait.post_impact(belief.model)
+    q, dq = q + np.array(scenario.start.q_offset), dq + np.array(scenario.start.dq_offset)
+    q[-1] += scenario.start.torso_offset
+    return q, dq
+
+
+def run_scenario(
+    scenario: Scenario, *, log: Path | None = None, progress: Progress | None = None, stop: Stop | None = None
+) -> RunSummary:
+    """Run a scenario from start to end.
+
+    Args:
+        scenario: What happens.
+        log: MCAP file to write; None for no log. An existing file is never overwritten.
+        progress: Told now and then the completed steps and the simulated time in [s].
+        stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+
+    Raises:
+        UserError: a file or a setting is not legal, or the log can not be written.
+    """
+    belief = load_belief(scenario)
+    controller = build_controller(scenario.controller, belief)
+    plant = build_plant(scenario)
+    q, dq = start_state(scenario, belief)
+    plant.reset(q, dq, FIRST_STANCE)
+    controller.reset(FIRST_STANCE)
+
+    def loop(tape: NoTape | Recorder) -> RunSummary:
+        return Loop(
+            plant=plant,
+            controller=controller,
+            pushes=scenario.pushes,
+            com=plant.com,
+            stance=FIRST_STANCE,
+            steps=scenario.steps,
+            end_time=scenario.end_time,
+            tape=tape,
+            torque_limits=plant.torque_limits,
+        ).run(progress=progress, stop=stop, log=str(log) if log else "")
+
+    if log is None:
+        return loop(NoTape())
+    with Recorder(log, _header(scenario, belief, plant), scenario.controller.period) as recorder:
+        summary = loop(recorder)
+        recorder.result(summary)
+    return summary
+
+
+def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader:
+    """What the log says before the first tick; attachments are enough to run it again."""
+    folder = WalkerFolder.find(scenario.walker)
+    gait = folder.gait(scenario.gait)
+    model = belief.model
+    parts = {"femur": model.femur, "tibia": model.tibia}
+    legs = {f"{side}_{part}": link.length for side in ("left", "right") for part, link in parts.items()}
+    git = provenance.git_state()
+    return RunHeader(
+        scenario_name=scenario.name,
+        scenario_toml=to_toml(scenario),
+        seed=scenario.seed,
+        versions=provenance.package_versions(),
+        git_revision=git.revision,
+        git_dirty=git.dirty,
+        platform=provenance.platform_name(),
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        link_lengths={"torso": 2.0 * model.torso.com, **legs},
+        attachments={
+            folder.mjcf.name: ("application/xml", folder.mjcf.read_bytes()),
+            folder.urdf.name: ("application/xml", folder.urdf.read_bytes()),
+            gait.name: ("application/toml", gait.read_bytes()),
+        },
+    )
+

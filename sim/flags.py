@@ -1,0 +1,128 @@
+"""Command-line flags made from the table of settings: `--plant.mass-factor.torso 2`.
+
+Every setting of a scenario is a flag by its dotted path, with its unit as the placeholder in the help. Pushes
+are numbered from 0; a number one past the last adds a push.
+"""
+
+import argparse
+import difflib
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import MISSING
+from typing import Any, NoReturn
+
+from sim import settings
+from sim.errors import UserError
+from sim.scenario import Scenario
+from sim.settings import Setting
+from sim.specs import from_text, specs
+
+PREFIX = "setting:"  # marks settings among the attributes of a parsed command line
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaints are `UserError`s and which takes -1e-3 for a number."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        formatter = argparse.RawDescriptionHelpFormatter
+        super().__init__(allow_abbrev=False, add_help=False, formatter_class=formatter, **kwargs)
+        self._negative_number_matcher = re.compile(r"^-(\d|\.\d|inf|nan)")
+
+    def error(self, message: str) -> NoReturn:
+        """Complain in one line, with the unit or the words the option takes."""
+        option = re.match(r"argument ([^\s,/:]+)", message)
+        action = self._option_string_actions.get(option[1]) if option else None
+        raise UserError(f"{message} [{action.metavar}]" if action and action.metavar else message)
+
+    def parse(self, argv: Sequence[str]) -> argparse.Namespace:
+        """Parse a whole command line; - and _ in the names of flags are the same.
+
+        Raises:
+            UserError: an unknown flag (the message names the nearest), or a missing or illegal value.
+        """
+        found, unknown = self.parse_known_args([_hyphenated(word) for word in argv])
+        for word in unknown:
+            known = list(self._option_string_actions)
+            near = difflib.get_close_matches(word.partition("=")[0], known, n=1)
+            guess = f"did you mean {near[0]}?" if near else f"see {self.prog} --help"
+            raise UserError(f"unknown {'option' if word.startswith('-') else 'argument'} {word}; {guess}")
+        return found
+
+
+def _hyphenated(word: str) -> str:
+    name, equals, value = word.partition("=")
+    return name.replace("_", "-") + equals + value if word.startswith("--") else word
+
+
+def add_settings(parser: argparse.ArgumentParser, scenario: Scenario, argv: Sequence[str] = ()) -> None:
+    """Give a parser one flag for each setting.
+
+    Args:
+        parser: Where the flags go, in one group a table.
+        scenario: Its values are the defaults the help shows.
+        argv: The command line to come, which tells how many pushes it numbers.
+    """
+    order = list(specs(Scenario))
+    rows = [*settings.table(scenario), *_further_tables(scenario, argv)]
+    rows.sort(key=lambda row: ("." in row.path, order.index(row.path.split(".")[0])))
+    for table, members in itertools.groupby(rows, key=lambda row: row.path.rpartition(".")[0]):
+        group = parser.add_argument_group(table.replace("_", "-") or "scenario")
+        for setting in members:
+            _add_flag(group, setting)
+
+
+def _further_tables(scenario: Scenario, argv: Sequence[str]) -> Iterator[Setting]:
+    """Settings of tables an array does not have yet: one past the last, or as many as `argv` numbers."""
+    for name, spec in specs(Scenario).items():
+        if spec.repeated:
+            matches = (re.match(rf"--{name}\.(\d{{1,3}})\.", word) for word in argv)
+            last = max((int(match[1]) for match in matches if match), default=0)
+            there = len(getattr(scenario, name))
+            for index in range(there, max(there, last) + 1):
+                for field, inner in specs(spec.type).items():
+                    yield Setting(path=f"{name}.{index}.{field}", value=inner.default, spec=inner)
+
+
+def _add_flag(group: Any, setting: Setting) -> None:
+    spec, dest = setting.spec, PREFIX + setting.path
+    flag = "--" + setting.path.replace("_", "-")
+    text = f"{spec.help} (default: {_shown(setting.value)})".replace("%", "%%")
+    short = ["--controller"] if setting.path == "controller.kind" else []
+    if spec.type is bool:
+        table, _, name = flag.rpartition(".")
+        negative = f"{table}.no-{name}" if table else f"--no-{name[2:]}"
+        group.add_argument(flag, dest=dest, action="store_const", const=True, default=None, help=text)
+        group.add_argument(negative, dest=dest, action="store_const", const=False, default=None)
+    else:
+        metavar = "|".join(spec.choices) or spec.unit or {int: "INT", float: "FLOAT"}.get(spec.type, "TEXT")
+        group.add_argument(*short, flag, dest=dest, nargs=spec.length or 1, metavar=metavar, help=text)
+
+
+def _shown(value: Any) -> str:
+    if value is MISSING:
+        return "none, must be given"
+    if isinstance(value, tuple):
+        return " ".join(map(_shown, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value).lower() if value is None else str(value)
+
+
+def apply(scenario: Scenario, found: argparse.Namespace) -> Scenario:
+    """The scenario with every setting changed that the command line gave.
+
+    Raises:
+        UserError: names the flag, the value, the unit and what is legal.
+    """
+    given = {key.removeprefix(PREFIX): value for key, value in vars(found).items() if key.startswith(PREFIX)}
+    rows = {row.path: row.spec for row in settings.table(scenario)}
+    rows |= {row.path: row.spec for row in _further_tables(scenario, [f"--{path}" for path in given])}
+    changes = {path: value for path, value in given.items() if value is not None}
+    try:
+        for path, value in changes.items():
+            if isinstance(value, list):
+                changes[path] = from_text(value, rows[path], path)
+        return settings.with_values(scenario, changes)
+    except UserError as error:
+        raise UserError(f"--{error}") from error

@@ -1,0 +1,96 @@
+"""Who walked, how far, and who fell: steps and falls judged from the truth, in one place."""
+
+from dataclasses import dataclass
+
+from sim.interface import PlantState
+from sim.outcome import FallReason
+
+SETTLING = 0.02  # [s] after an impact, in which contact forces are those of the impact
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FallCriteria:
+    """When a run counts as a fall.
+
+    Attributes:
+        hip_height: Least height of the hip above the lower foot in [m].
+        torso_tilt: Largest absolute torso angle in [rad].
+        stall_time: Longest time without a step in [s].
+    """
+
+    hip_height: float = 0.45
+    torso_tilt: float = 1.2
+    stall_time: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchDown:
+    """A completed step.
+
+    Attributes:
+        number: Counted from 1.
+        t: Time of the touch-down in [s].
+        duration: Step time in [s].
+        length: From foot to foot along the ground's x axis in [m].
+        foot: "left" or "right", the foot that landed.
+    """
+
+    number: int
+    t: float
+    duration: float
+    length: float
+    foot: str
+
+
+class Judge:
+    """Counts steps and looks for falls, tick by tick.
+
+    A step is completed when the swing foot touches the ground ahead of the stance foot; the feet then change
+    roles. What the controller believes plays no part.
+    """
+
+    def __init__(self, stance: str, criteria: FallCriteria | None = None) -> None:
+        """Args: stance: the foot that stands at the start; criteria: when a run counts as a fall."""
+        self.criteria = criteria or FallCriteria()
+        self.steps = 0
+        self.last_impact = 0.0  # [s]
+        self._stance = ("left", "right").index(stance)
+
+    @property
+    def stance(self) -> int:
+        """Row of the stance foot in per-foot arrays."""
+        return self._stance
+
+    def settled(self, t: float) -> bool:
+        """Whether the last impact is over long enough for contact forces to be those of walking."""
+        return t - self.last_impact > SETTLING
+
+    def touch_down(self, state: PlantState) -> TouchDown | None:
+        """The step that this state completes, if it does."""
+        swing = 1 - self._stance
+        if not state.contact[swing]:
+            return None
+        length = float(state.foot[swing, 0] - state.foot[self._stance, 0])
+        if length <= 0.0:
+            return None
+        self._stance = swing
+        self.steps += 1
+        duration, self.last_impact = state.t - self.last_impact, state.t
+        return TouchDown(
+            number=self.steps, t=state.t, duration=duration, length=length, foot=("left", "right")[swing]
+        )
+
+    def fall(self, state: PlantState) -> tuple[FallReason, str]:
+        """Reason for a fall and its figures; `FallReason.NONE` while the walker stands."""
+        c = self.criteria
+        height = float(state.hip[1] - min(state.foot[0, 1], state.foot[1, 1]))
+        tilt = float(state.q[-1])
+        if state.penetrating:
+            return FallReason.BODY_CONTACT, ", ".join(state.penetrating)
+        if height < c.hip_height:
+            return FallReason.HIP_LOW, f"{height:.3f} m above the lower foot, least {c.hip_height} m"
+        if abs(tilt) > c.torso_tilt:
+            return FallReason.TORSO_TILT, f"{tilt:.2f} rad, at most {c.torso_tilt} rad"
+        if state.t - self.last_impact > c.stall_time:
+            return FallReason.STALLED, f"{c.stall_time} s"
+        return FallReason.NONE, ""

@@ -1,0 +1,160 @@
+"""The loop between the worlds: look, decide, hold; 1000 times a second."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from sim.disturbances import CentresOfMass, active_forces
+from sim.errors import PlantDiverged
+from sim.interface import Controller, ControlStep, Observation, Plant, PlantState, Vector
+from sim.judge import Judge, TouchDown
+from sim.metrics import Metrics
+from sim.outcome import FallReason, Outcome, RunSummary
+from sim.scenario import Push
+
+PROGRESS_TICKS = 50
+
+Progress = Callable[[int, float], None]
+"""Called now and then with completed steps and simulated time in [s]."""
+
+Stop = Callable[[], str | None]
+"""Asked every tick; a reason ends the run as interrupted."""
+
+
+class Tape(Protocol):
+    """Where ticks and events go; the recorder is one, `NoTape` another."""
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """One tick."""
+
+    def event(self, k: int, level: str, name: str, message: str) -> None:
+        """Something that happened at a tick."""
+
+
+class NoTape:
+    """Forgets everything."""
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """Forget a tick."""
+
+    def event(self, k: int, level: str, name: str, message: str) -> None:
+        """Forget an event."""
+
+
+class Loop:
+    """One run of one walker, from its start to its end."""
+
+    def __init__(
+        self,
+        *,
+        plant: Plant,
+        controller: Controller,
+        pushes: Sequence[Push],
+        com: CentresOfMass,
+        stance: str,
+        steps: int,
+        end_time: float,
+        tape: Tape,
+        torque_limits: Vector,
+    ) -> None:
+        """Put the parts together; plant and controller must have been reset.
+
+        Args:
+            plant: The truth.
+            controller: The law.
+            pushes: External forces of the scenario.
+            com: Centres of mass of the links, where pushes attack by default.
+            stance: The foot that stands at the start.
+            steps: Steps after which the run is completed.
+            end_time: Simulated time after which it ends anyway in [s].
+            tape: Where ticks and events go.
+            torque_limits: In [N.m], (4,), for the summary.
+        """
+        self._plant, self._controller, self._tape = plant, controller, tape
+        self._pushes, self._com = tuple(pushes), com
+        self._steps, self._end_time = steps, end_time
+        self._torque_limits = torque_limits
+        self._judge = Judge(stance)
+        self._metrics = Metrics()
+        self._fallback = False
+        self._pushed = False
+
+    def run(self, *, progress: Progress | None = None, stop: Stop | None = None, log: str = "") -> RunSummary:
+        """Run to the end.
+
+        Args:
+            progress: Told about every 50 ticks.
+            stop: Asked every tick.
+            log: Path of the log, for the summary.
+        """
+        began = time.perf_counter()
+        outcome, reason, detail = self._walk(progress, stop)
+        self._tape.event(
+            self._metrics.ticks,
+            "info" if outcome is Outcome.COMPLETED else "warning",
+            outcome.value,
+            f"{outcome.value} after {self._judge.steps} steps: {reason.value} {detail}".strip(),
+        )
+        return self._metrics.summary(
+            outcome=outcome,
+            reason=reason,
+            detail=detail,
+            time_s=self._t,
+            wall_s=time.perf_counter() - began,
+            torque_limits=self._torque_limits,
+            log=log,
+        )
+
+    def _walk(self, progress: Progress | None, stop: Stop | None) -> tuple[Outcome, FallReason, str]:
+        plant, controller, judge, metrics = self._plant, self._controller, self._judge, self._metrics
+        self._t = 0.0
+        k = 0
+        while True:
+            observation, state = plant.observe(), plant.state()
+            self._t = state.t
+            touch_down = judge.touch_down(state)
+            if touch_down:
+                self._landed(k, touch_down)
+            reason, detail = judge.fall(state)
+            if reason is not FallReason.NONE:
+                return Outcome.FELL, reason, detail
+            if judge.steps >= self._steps:
+                return Outcome.COMPLETED, FallReason.NONE, ""
+            if state.t >= self._end_time:
+                return Outcome.FELL, FallReason.STALLED, f"time limit of {self._end_time} s"
+            interruption = stop() if stop else None
+            if interruption:
+                return Outcome.INTERRUPTED, FallReason.NONE, interruption
+
+            started = time.perf_counter()
+            step = controller.step(observation)
+            tick_s = time.perf_counter() - started
+            forces = active_forces(self._pushes, state.t, judge.steps + 1, self._com)
+            self._tape.tick(k, state, observation, step, tick_s)
+            self._note(k, step, bool(forces))
+            metrics.tick(state, step, judge, tick_s)
+            try:
+                plant.hold(step.u_total, forces)
+            except PlantDiverged as error:
+                return Outcome.FELL, FallReason.DIVERGED, str(error)
+            k += 1
+            if progress and k % PROGRESS_TICKS == 0:
+                progress(judge.steps, state.t)
+
+    def _landed(self, k: int, event: TouchDown) -> None:
+        self._metrics.touch_down(event)
+        self._tape.event(
+            k,
+            "info",
+            "impact",
+            f"step {event.number}: {event.foot} foot, {event.duration:.3f} s, {event.length:.3f} m",
+        )
+
+    def _note(self, k: int, step: ControlStep, pushed: bool) -> None:
+        """Say when a push begins or ends and when the controller falls back."""
+        if pushed != self._pushed:
+            self._tape.event(k, "info", "push", "push begins" if pushed else "push ends")
+            self._pushed = pushed
+        if step.fallback and not self._fallback:
+            self._tape.event(k, "warning", "fallback", f"saturated ZD+PD for this tick: {step.status}")
+        self._fallback = step.fallback

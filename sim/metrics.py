@@ -1,0 +1,136 @@
+"""Figures of a run, gathered tick by tick in constant memory."""
+
+import math
+
+import numpy as np
+
+from sim.interface import JOINTS, ControlStep, PlantState, Vector
+from sim.judge import Judge, TouchDown
+from sim.outcome import FallReason, Outcome, RunSummary
+
+
+class Durations:
+    """Distribution of wall times on a logarithmic grid of 1 % width; memory does not grow with the run."""
+
+    _SHORTEST = 1e-7  # [s]
+    _RATIO = math.log(1.01)
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._counts = np.zeros(2048, dtype=np.int64)
+        self._longest = 0.0
+
+    def add(self, seconds: float) -> None:
+        """Count one duration in [s]."""
+        if seconds > self._longest:
+            self._longest = seconds
+        if seconds > self._SHORTEST:
+            self._counts[min(int(math.log(seconds / self._SHORTEST) / self._RATIO), 2047)] += 1
+        else:
+            self._counts[0] += 1
+
+    def quantile(self, fraction: float) -> float:
+        """Quantile in [s], within 1 %; 0 if nothing was counted."""
+        total = int(self._counts.sum())
+        if total == 0 or self._longest == 0.0:
+            return 0.0
+        index = int(np.searchsorted(np.cumsum(self._counts), fraction * total))
+        return min(self._SHORTEST * math.exp((index + 0.5) * self._RATIO), self._longest)
+
+    def milliseconds(self) -> dict[str, float]:
+        """Median, 99 % quantile and maximum in [ms]."""
+        figures = {"median": self.quantile(0.5), "p99": self.quantile(0.99), "max": self._longest}
+        return {name: round(1e3 * value, 4) for name, value in figures.items()}
+
+
+class Metrics:
+    """Accumulates what `RunSummary` reports."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.ticks = 0
+        self.peak_torque: Vector = np.zeros(4)
+        self.friction_ratio = 0.0
+        self.fallbacks = 0
+        self.slack = 0.0
+        self.solve = Durations()
+        self.tick_time = Durations()
+        self._y2 = 0.0
+        self._zd2 = 0.0
+        self._mpc2 = 0.0
+        self._step_times = 0.0
+        self._step_lengths = 0.0
+        self._steps = 0
+
+    def tick(self, state: PlantState, step: ControlStep, judge: Judge, tick_s: float) -> None:
+        """Take in one tick."""
+        self.ticks += 1
+        np.maximum(self.peak_torque, np.abs(state.torque), out=self.peak_torque)
+        y, u_zd, u_mpc = step.y, step.u_zd, step.u_mpc
+        self._y2 += float(y @ y)
+        self._zd2 += float(u_zd @ u_zd)
+        self._mpc2 += float(u_mpc @ u_mpc)
+        self.fallbacks += step.fallback
+        self.slack = max(self.slack, step.slack)
+        self.tick_time.add(tick_s)
+        if step.solve_s:
+            self.solve.add(step.solve_s)
+        if judge.settled(state.t):
+            tangential, normal = state.contact_force[judge.stance].tolist()
+            if normal > 0.0:
+                self.friction_ratio = max(self.friction_ratio, abs(tangential) / normal)
+
+    def touch_down(self, event: TouchDown) -> None:
+        """Take in one completed step."""
+        self._steps += 1
+        self._step_times += event.duration
+        self._step_lengths += event.length
+
+    def summary(
+        self,
+        *,
+        outcome: Outcome,
+        reason: FallReason,
+        detail: str,
+        time_s: float,
+        wall_s: float,
+        torque_limits: Vector,
+        log: str,
+    ) -> RunSummary:
+        """The figures so far.
+
+        Args:
+            outcome: How the run ended.
+            reason: Why it counts as a fall.
+            detail: Figures of the fall, or the message of an error or interruption.
+            time_s: Simulated time in [s].
+            wall_s: Wall time in [s].
+            torque_limits: In [N.m], (4,), ordered as `JOINTS`.
+            log: Path of the log.
+        """
+        fell = outcome is Outcome.FELL
+        finite = np.isfinite(torque_limits)
+        return RunSummary(
+            outcome=outcome.value,
+            fall_reason=f"{reason.value} ({detail})" if fell and detail else reason.value if fell else "",
+            steps=self._steps,
+            time_s=round(time_s, 9),
+            step_time_s=self._step_times / self._steps if self._steps else None,
+            step_length_m=self._step_lengths / self._steps if self._steps else None,
+            peak_torque_Nm=dict(zip(JOINTS, self.peak_torque.tolist(), strict=True)),
+            torque_limit_Nm={
+                name: value
+                for name, value, is_finite in zip(JOINTS, torque_limits.tolist(), finite, strict=True)
+                if is_finite
+            },
+            friction_ratio_max=self.friction_ratio if self.ticks else None,
+            output_error_rms_rad=math.sqrt(self._y2 / (4 * self.ticks)) if self.ticks else None,
+            mpc_torque_share=math.sqrt(self._mpc2 / self._zd2) if self._zd2 else None,
+            solve_ms=self.solve.milliseconds(),
+            tick_ms=self.tick_time.milliseconds(),
+            fallbacks=self.fallbacks,
+            slack_max_N=self.slack,
+            realtime_factor=time_s / wall_s if wall_s > 0.0 else 0.0,
+            log=log,
+            message="" if fell else detail,
+        )

@@ -1,0 +1,157 @@
+"""The one table of what a log holds each tick: channels, fields, units. Everything else is derived from it.
+
+Field names are SI and unit-free; a dotted name becomes a nested message (`u_total.left_hip`), because named
+scalars plot well in every viewer. Groups are contiguous, and a kind has one size on the wire, so that the
+bytes of a message have a fixed layout.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from sim.interface import COORDINATES, FEET, JOINTS
+
+PACKAGE = "cmpc"
+"""Protobuf package of every message below."""
+
+OUTPUTS = ("stance_hip", "swing_hip", "stance_knee", "swing_knee")
+"""Names of the four outputs, the order of `ControlStep.y`."""
+
+LINKS = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
+"""Links of the walker, root first."""
+
+LEGS = ("left", "right")
+"""Code of a leg -> name; also the order of the feet (`FEET`)."""
+
+STATUSES = ("other", "zd-pd", "optimal", "no-solution", "solver-error")
+"""Code of a status -> `ControlStep.status`. A status not listed here is logged as "other", its text as an
+event. Codes are part of the file format: append, never reorder."""
+
+STATUS_CODES = {status: code for code, status in enumerate(STATUSES)}
+LEG_CODES = {leg: code for code, leg in enumerate(LEGS)}
+
+
+class Kind(Enum):
+    """What a field holds; each has one size on the wire."""
+
+    DOUBLE = "double"
+    BOOL = "bool"
+    INT32 = "sfixed32"
+    LEG = "Leg"
+    STATUS = "Status"
+
+
+ENUMS = {Kind.LEG: LEGS, Kind.STATUS: STATUSES}
+"""Enum kinds and the names of their codes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One number of a message.
+
+    Attributes:
+        name: Dotted name, such as "torque.left_hip".
+        kind: What it holds.
+        unit: SI unit; "1" for a pure number, empty for flags and enums.
+        description: What it means.
+    """
+
+    name: str
+    kind: Kind
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelTable:
+    """One per-tick channel.
+
+    Attributes:
+        topic: Topic in the log.
+        message: Message name within `PACKAGE`.
+        fields: Its fields, in the order of their numbers.
+    """
+
+    topic: str
+    message: str
+    fields: tuple[Field, ...]
+
+
+def _group(
+    prefix: str, names: tuple[str, ...], unit: str, description: str, kind: Kind = Kind.DOUBLE
+) -> tuple[Field, ...]:
+    return tuple(Field(f"{prefix}.{name}", kind, unit, description) for name in names)
+
+
+def _per_foot(prefix: str, axes: tuple[str, str], unit: str, description: str) -> tuple[Field, ...]:
+    return _group(prefix, tuple(f"{leg}.{axis}" for leg in LEGS for axis in axes), unit, description)
+
+
+_TN = ("tangential", "normal")
+_XZ = ("x", "z")
+
+assert FEET == tuple(f"{leg}_foot" for leg in LEGS)
+
+PLANT_STATE = ChannelTable(
+    "/plant/state",
+    "PlantState",
+    (
+        *_group("q", COORDINATES, "rad", "true joint angle; absolute angle of the torso"),
+        *_group("dq", COORDINATES, "rad/s", "true rate"),
+        *_group("hip", _XZ, "m", "hip position"),
+        *_group("dhip", _XZ, "m/s", "hip velocity"),
+        *_per_foot("foot", _XZ, "m", "foot position; z above level ground at x = 0"),
+        *_group("clearance", LEGS, "m", "height of the foot above the ground under it"),
+        *_group("torque", JOINTS, "N.m", "torque the actuators really applied over the last hold"),
+        *_per_foot("contact_force", _TN, "N", "ground reaction on the foot, mean over the last hold"),
+        *_group("push", _XZ, "N", "sum of the external forces over the last hold"),
+        *_group("contact", LEGS, "", "the foot touches the ground", Kind.BOOL),
+        *_group("penetrating", LINKS, "", "the link itself, not its foot, touches the ground", Kind.BOOL),
+    ),
+)
+
+CONTROL = ChannelTable(
+    "/control",
+    "Control",
+    (
+        *_group("observation.q", COORDINATES, "rad", "measured joint angle; absolute angle of the torso"),
+        *_group("observation.dq", COORDINATES, "rad/s", "measured rate"),
+        *_group("observation.contact", LEGS, "", "contact sensor of the foot", Kind.BOOL),
+        *_group("u_zd", JOINTS, "N.m", "ZD+PD share of the commanded torque, before saturation"),
+        *_group("u_mpc", JOINTS, "N.m", "MPC share of the commanded torque"),
+        *_group("u_total", JOINTS, "N.m", "commanded torque"),
+        *_group("y", OUTPUTS, "rad", "output q_i - h_d,i(theta)"),
+        *_group("dy", OUTPUTS, "rad/s", "rate of the output"),
+        *_group("contact_force", _TN, "N", "stance contact force the model expects under u_total"),
+        Field("theta", Kind.DOUBLE, "rad", "internal clock"),
+        Field("dtheta", Kind.DOUBLE, "rad/s", "rate of the internal clock"),
+        Field("s", Kind.DOUBLE, "1", "normalised clock, 0 to 1 over a nominal step"),
+        Field("impact_in", Kind.INT32, "tick", "ticks to the next predicted impact, -1 if none"),
+        Field("stance", Kind.LEG, "", "the leg the controller believes to stand"),
+        Field("fallback", Kind.BOOL, "", "the fall-back policy was used"),
+    ),
+)
+
+MPC = ChannelTable(
+    "/mpc",
+    "Mpc",
+    (
+        *_group("residual", ("primal", "dual", "gap"), "1", "residual of the solved problem"),
+        Field("slack", Kind.DOUBLE, "N", "largest softening of a contact-force row over the horizon"),
+        Field("iterations", Kind.INT32, "1", "solver iterations"),
+        Field("active", Kind.INT32, "1", "active constraints over the horizon"),
+        Field("status", Kind.STATUS, "", "how the torque came about"),
+    ),
+)
+
+TIMING = ChannelTable(
+    "/timing",
+    "Timing",
+    (
+        Field("tick", Kind.DOUBLE, "s", "controller wall time, observation in to torque out"),
+        Field("solve", Kind.DOUBLE, "s", "wall time spent in the solver"),
+    ),
+)
+"""The only channel that may differ between two runs of one scenario and seed."""
+
+CHANNELS = (PLANT_STATE, CONTROL, MPC, TIMING)
+"""Every per-tick channel, in the order of their messages within a tick."""

@@ -1,0 +1,222 @@
+"""The log of one run: every tick, every event, and all it takes to run it again."""
+
+import contextlib
+import dataclasses
+import json
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from mcap.data_stream import RecordBuilder
+from mcap.records import Message
+from numpy.typing import NDArray
+
+from sim.errors import UserError
+from sim.interface import ControlStep, Observation, PlantState
+from sim.outcome import RunSummary
+from sim.recorder.block import TickBlock
+from sim.recorder.container import McapFile
+from sim.recorder.fields import CHANNELS, LEGS, STATUS_CODES
+from sim.recorder.header import RunHeader
+from sim.recorder.scene import frame_transforms, scene_update, set_time
+from sim.recorder.schema import SCHEMA, channel_metadata, closure, full_name
+
+CHUNK_TICKS = 200
+"""Ticks a chunk: about 170 KiB, and what a killed process loses at most."""
+
+FRAME_RATE = 60.0  # [1/s] of /tf; viewers warn above it
+MOST_UNLISTED = 20
+"""Statuses missing from the table that are told as events, each once; texts may carry numbers."""
+
+LEVELS = {
+    "debug": Log.DEBUG,
+    "info": Log.INFO,
+    "warning": Log.WARNING,
+    "error": Log.ERROR,
+    "fatal": Log.FATAL,
+}
+"""Level of an event -> foxglove.Log level."""
+
+
+class _Extra(NamedTuple):
+    """A message of no fixed size, waiting for its chunk: `row` ticks of the block come before it."""
+
+    row: int
+    channel_id: int
+    time_ns: int
+    record: bytes
+
+
+class Recorder:
+    """Context manager that writes the log; leaving it finishes the file, whatever happened inside."""
+
+    def __init__(self, path: Path | str, header: RunHeader, period: float) -> None:
+        """Create the log and write all that is known before the first tick.
+
+        Args:
+            path: The log to be; must not exist.
+            header: What runs.
+            period: Control period in [s].
+
+        Raises:
+            UserError: the file exists already or cannot be written.
+        """
+        self._period_ns = round(period * 1e9)
+        if self._period_ns <= 0:
+            raise ValueError(f"period is {period} s; it must be at least 1e-9 s")
+        self._femur_length = {leg: header.link_lengths[f"{leg}_femur"] for leg in LEGS}
+        self._frame_every = max(1, round(1 / (FRAME_RATE * period)))
+        self._extras: list[_Extra] = []
+        self._unlisted: set[str] = set()
+        self._last = 0
+        self._file = McapFile(Path(path))
+        try:
+            self._begin(header)
+        except BaseException:
+            with contextlib.suppress(UserError):
+                self._file.finish()
+            raise
+
+    def _begin(self, header: RunHeader) -> None:
+        file = self._file
+        file.metadata("run", header.metadata(self._period_ns))
+        for name, (media_type, data) in header.all_attachments().items():
+            file.attachment(name, media_type, data)
+        ids = [file.channel(c.topic, full_name(c), SCHEMA, channel_metadata(c)) for c in CHANNELS]
+        self._block = TickBlock(CHUNK_TICKS, ids)
+        self._tf, self._scene, self._events = (
+            file.channel(topic, kind.DESCRIPTOR.full_name, closure(kind.DESCRIPTOR.file), {})
+            for topic, kind in (("/tf", FrameTransforms), ("/scene", SceneUpdate), ("/events", Log))
+        )
+        self.event(0, "info", "run", header.headline)
+        self._add_extra(0, self._scene, scene_update(header.link_lengths))
+
+    def tick(
+        self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float
+    ) -> None:
+        """Log one tick.
+
+        Args:
+            k: Tick number, from 0.
+            state: Truth at the tick.
+            observation: What the controller saw at it.
+            step: What the controller decided.
+            tick_s: Controller wall time in [s], observation in to torque out.
+
+        Raises:
+            UserError: the log cannot be written any further.
+        """
+        if self._block.full:
+            self._flush()
+        status = STATUS_CODES.get(step.status, 0)
+        if not status:
+            self._note_unlisted(k, step.status)
+        self._last = k
+        if k % self._frame_every == 0:
+            time_ns = k * self._period_ns
+            self._add_extra(k, self._tf, frame_transforms(time_ns, state, self._femur_length))
+        self._block.add(k, state, observation, step, status, tick_s)
+
+    def event(self, k: int, level: str, name: str, message: str) -> None:
+        """Log an event.
+
+        Args:
+            k: Tick number.
+            level: One of `LEVELS`.
+            name: What kind: "impact", "push", "fallback", or how the run ended.
+            message: One line for people.
+        """
+        entry = Log(level=LEVELS[level], message=message, name=name)
+        set_time(entry.timestamp, k * self._period_ns)
+        self._add_extra(k, self._events, entry.SerializeToString(deterministic=True))
+
+    def result(self, summary: RunSummary) -> None:
+        """Log how the run ended, as the metadata record "result".
+
+        Args:
+            summary: The figures of the run; texts as they are, all else as JSON.
+        """
+        self._flush()
+        figures = dataclasses.asdict(summary).items()
+        self._file.metadata("result", {k: v if isinstance(v, str) else json.dumps(v) for k, v in figures})
+
+    def close(self) -> None:
+        """Write what is staged and finish the file; a second call does nothing.
+
+        Raises:
+            UserError: it cannot be written; what was written before can be read.
+        """
+        if self._file.finished:
+            return
+        try:
+            self._flush()
+        finally:
+            self._file.finish()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+            return
+        self.event(self._last, "error", "error", f"{type(error).__name__}: {error}")
+        with contextlib.suppress(UserError):  # the first error is the one to report
+            self.close()
+
+    def _note_unlisted(self, k: int, status: str) -> None:
+        if status not in self._unlisted and len(self._unlisted) < MOST_UNLISTED:
+            self._unlisted.add(status)
+            self.event(k, "warning", "status", f'status "{status}" is logged as "other"')
+
+    def _add_extra(self, k: int, channel_id: int, data: bytes) -> None:
+        time_ns = k * self._period_ns
+        message = Message(channel_id, log_time=time_ns, data=data, publish_time=time_ns, sequence=k)
+        builder = RecordBuilder()
+        message.write(builder)
+        self._extras.append(_Extra(self._block.count, channel_id, time_ns, builder.end()))
+
+    def _flush(self) -> None:
+        """Write the staged ticks and the messages between them as one chunk."""
+        if not (self._block.count or self._extras):
+            return
+        rows, index = self._block.pack(self._period_ns)
+        data, index = _interleave(rows, self._block.stride, index, self._extras)
+        self._file.chunk(data, index)
+        self._block.clear()
+        self._extras.clear()
+
+
+def _interleave(
+    rows: bytes, stride: int, index: dict[int, NDArray[np.uint64]], extras: list[_Extra]
+) -> tuple[bytes, dict[int, NDArray[np.uint64]]]:
+    """Put the extra messages between the ticks and move the offsets of what follows them.
+
+    Args:
+        rows: Message records of n ticks.
+        stride: Bytes of one tick.
+        index: Channel id -> (log time, offset within `rows`), (n, 2).
+        extras: In order of `row`.
+    """
+    shift = np.zeros(len(rows) // stride + 1, dtype=np.uint64)
+    parts: list[bytes] = []
+    found: dict[int, list[tuple[int, int]]] = {}
+    done = added = 0
+    for extra in extras:
+        parts.append(rows[done : extra.row * stride])
+        done = extra.row * stride
+        found.setdefault(extra.channel_id, []).append((extra.time_ns, done + added))
+        parts.append(extra.record)
+        added += len(extra.record)
+        shift[extra.row :] += np.uint64(len(extra.record))
+    parts.append(rows[done:])
+    moved = {key: entries + np.column_stack((0 * shift[:-1], shift[:-1])) for key, entries in index.items()}
+    merged = {key: entries for key, entries in moved.items() if len(entries)}
+    merged |= {key: np.array(entries, dtype=np.uint64) for key, entries in found.items()}
+    return b"".join(parts), merged

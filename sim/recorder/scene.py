@@ -1,0 +1,101 @@
+"""What 3D panels draw: link frames as foxglove.FrameTransforms, link shapes as one foxglove.SceneUpdate.
+
+A frame sits at the link's proximal joint and its z axis runs along the link. Angles are counter-clockwise in
+the x-z plane, measured from "up": rotations about the axis (0, -1, 0).
+"""
+
+from collections.abc import Mapping
+from math import cos, sin
+from typing import Any
+
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from sim.interface import COORDINATES, PlantState
+from sim.recorder.fields import LEGS, LINKS
+
+WORLD = "world"
+_RADIUS = 0.025  # [m] of the drawn links
+_FOOT_RADIUS = 0.03  # [m] of the drawn feet
+_GROUND = (200.0, 2.0, 0.02)  # [m] length, width, thickness of the drawn ground
+_LINK_COLOUR = {"torso": (0.35, 0.35, 0.4), "left": (0.13, 0.45, 0.75), "right": (0.85, 0.4, 0.15)}
+_GROUND_COLOUR = (0.75, 0.75, 0.72)
+
+
+def link_poses(state: PlantState, femur_length: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
+    """Pose of each link frame.
+
+    Args:
+        state: Truth at one tick.
+        femur_length: Length of the femur of each leg in [m].
+
+    Returns:
+        Link -> (x, z, phi): position of its proximal joint in [m], absolute angle in [rad].
+    """
+    q = dict(zip(COORDINATES, state.q.tolist(), strict=True))
+    x, z = state.hip.tolist()
+    poses = {"torso": (x, z, q["torso"])}
+    for leg in LEGS:
+        femur = q["torso"] + q[f"{leg}_hip"]
+        length = femur_length[leg]
+        poses[f"{leg}_femur"] = (x, z, femur)
+        poses[f"{leg}_tibia"] = (x - length * sin(femur), z + length * cos(femur), femur + q[f"{leg}_knee"])
+    return poses
+
+
+def frame_transforms(time_ns: int, state: PlantState, femur_length: Mapping[str, float]) -> bytes:
+    """Serialised FrameTransforms: world -> every link.
+
+    Args:
+        time_ns: Log time in [ns].
+        state: Truth at that time.
+        femur_length: Length of the femur of each leg in [m].
+    """
+    message = FrameTransforms()
+    for link, (x, z, phi) in link_poses(state, femur_length).items():
+        transform = message.transforms.add(parent_frame_id=WORLD, child_frame_id=link)
+        set_time(transform.timestamp, time_ns)
+        transform.translation.x, transform.translation.z = x, z
+        transform.rotation.y, transform.rotation.w = -sin(phi / 2), cos(phi / 2)
+    return message.SerializeToString(deterministic=True)
+
+
+def scene_update(link_lengths: Mapping[str, float]) -> bytes:
+    """Serialised SceneUpdate: a bar a link, a ball a foot, the level ground.
+
+    Args:
+        link_lengths: Length of each of `LINKS` in [m].
+    """
+    message = SceneUpdate()
+    for link in LINKS:
+        entity = message.entities.add(frame_id=link, id=link, frame_locked=True)
+        colour = _LINK_COLOUR[link.partition("_")[0]]
+        length = link_lengths[link]
+        bar = entity.cylinders.add(bottom_scale=1.0, top_scale=1.0)
+        bar.pose.position.z = length / 2
+        bar.pose.orientation.w = 1.0
+        bar.size.x = bar.size.y = 2 * _RADIUS
+        bar.size.z = length
+        _paint(bar.color, colour)
+        if link.endswith("tibia"):
+            foot = entity.spheres.add()
+            foot.pose.position.z = length
+            foot.pose.orientation.w = 1.0
+            foot.size.x = foot.size.y = foot.size.z = 2 * _FOOT_RADIUS
+            _paint(foot.color, colour)
+    ground = message.entities.add(frame_id=WORLD, id="ground", frame_locked=True).cubes.add()
+    ground.size.x, ground.size.y, ground.size.z = _GROUND
+    ground.pose.position.z = -ground.size.z / 2
+    ground.pose.orientation.w = 1.0
+    _paint(ground.color, _GROUND_COLOUR)
+    return message.SerializeToString(deterministic=True)
+
+
+def set_time(timestamp: Any, time_ns: int) -> None:
+    """Write a time in [ns] into a protobuf Timestamp."""
+    timestamp.seconds, timestamp.nanos = divmod(time_ns, 1_000_000_000)
+
+
+def _paint(colour: Any, rgb: tuple[float, float, float]) -> None:
+    colour.r, colour.g, colour.b = rgb
+    colour.a = 1.0

@@ -1,0 +1,317 @@
+"""What happens in a run: walker, gait, controller, plant and its errors, pushes, start, end.
+
+A scenario is a tree of frozen dataclasses and the same tree as TOML. To add a setting, add a field with a
+default, its unit and range in the annotation and a sentence in the docstring: the loader, the command line's
+flags and help, and the log follow.
+"""
+
+import dataclasses
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from sim import settings
+from sim.errors import UserError
+from sim.units import (
+    AT_LEAST_ONE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SLOPE,
+    Newton,
+    PositiveRatio,
+    Radian,
+    Ratio,
+    Second,
+    Unit,
+)
+
+SHIPPED = Path(__file__).parent / "scenarios"
+DEFAULT = "push-25N"
+
+Body = Literal["torso", "left_femur", "left_tibia", "right_femur", "right_tibia"]
+Four = tuple[float, float, float, float]
+Five = tuple[float, float, float, float, float]
+
+TIME_PER_STEP = 2.0  # [s] of simulated time allowed for each step when no limit is given
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerSettings:
+    """The controller and its beliefs; joint gains are ordered stance hip, swing hip, stance knee, swing knee.
+
+    Attributes:
+        kind: Control law: the cascade (ZD+PD inside an MPC), or ZD+PD alone.
+        kp: Proportional gains K_P of the outputs.
+        kd: Derivative gains K_D of the outputs.
+        horizon: Prediction horizon N.
+        period: Sampling and hold period T.
+        friction: Friction coefficient the controller assumes.
+        friction_rows: Whether the MPC bounds the stance contact force.
+        normal_force_min: Lower bound on the stance foot's normal force.
+        solver: QP solver, by its name in qpsolvers.
+    """
+
+    kind: Literal["c-mpc", "zd-pd"] = "c-mpc"
+    kp: Annotated[Four, Unit("1/s^2"), NOT_NEGATIVE] = (60.0, 90.0, 90.0, 50.0)
+    kd: Annotated[Four, Unit("1/s"), NOT_NEGATIVE] = (10.0, 20.0, 20.0, 10.0)
+    horizon: Annotated[int, Unit("ticks"), AT_LEAST_ONE] = 100
+    period: Annotated[Second, POSITIVE] = 1e-3
+    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
+    friction_rows: bool = True
+    normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0
+    solver: str = "clarabel"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundSettings:
+    """The floor.
+
+    Attributes:
+        friction: Coulomb friction coefficient between foot and floor.
+        slope: Inclination, positive uphill.
+    """
+
+    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
+    slope: Annotated[Radian, SLOPE] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyFactors:
+    """A factor for each link, 1 for the walker as modelled.
+
+    Attributes:
+        torso: Factor of the torso.
+        left_femur: Factor of the left femur.
+        left_tibia: Factor of the left tibia.
+        right_femur: Factor of the right femur.
+        right_tibia: Factor of the right tibia.
+    """
+
+    torso: PositiveRatio = 1.0
+    left_femur: PositiveRatio = 1.0
+    left_tibia: PositiveRatio = 1.0
+    right_femur: PositiveRatio = 1.0
+    right_tibia: PositiveRatio = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointFactors:
+    """A factor for each actuated joint, 1 for the walker as modelled.
+
+    Attributes:
+        left_hip: Factor of the left hip.
+        right_hip: Factor of the right hip.
+        left_knee: Factor of the left knee.
+        right_knee: Factor of the right knee.
+    """
+
+    left_hip: Annotated[Ratio, NOT_NEGATIVE] = 1.0
+    right_hip: Annotated[Ratio, NOT_NEGATIVE] = 1.0
+    left_knee: Annotated[Ratio, NOT_NEGATIVE] = 1.0
+    right_knee: Annotated[Ratio, NOT_NEGATIVE] = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantSettings:
+    """The true walker and its world; what differs from the model here, the controller does not know.
+
+    Attributes:
+        kind: Physics engine.
+        timestep: Physics step; a whole number of them makes a control period.
+        integrator: MuJoCo's integrator.
+        saturation: Whether the motors saturate at their torque limits.
+        ground: The floor.
+        mass_factor: Factors on mass and rotational inertia together, link by link.
+        damping_factor: Factors on joint damping.
+        torque_limit_factor: Factors on the motors' torque limits.
+    """
+
+    kind: Literal["mujoco"] = "mujoco"
+    timestep: Annotated[Second, POSITIVE] = 0.25e-3
+    integrator: Literal["implicitfast", "RK4", "implicit", "Euler"] = "implicitfast"
+    saturation: bool = True
+    ground: GroundSettings = dataclasses.field(default_factory=GroundSettings)
+    mass_factor: BodyFactors = dataclasses.field(default_factory=BodyFactors)
+    damping_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
+    torque_limit_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """A constant external force on one link, throughout one step or one window of time.
+
+    Attributes:
+        force: Magnitude; negative pushes against the direction.
+        direction: Direction in the sagittal plane: 0 forward, pi/2 up.
+        body: The link pushed.
+        point: Point of attack (x, z) in the link's own frame; none for its centre of mass.
+        step: The step throughout which the force acts, counted from 1; give this, or start and end.
+        start: Time at which the force begins.
+        end: Time at which it ends.
+    """
+
+    force: Newton
+    direction: Radian = 0.0
+    body: Body = "torso"
+    point: Annotated[tuple[float, float] | None, Unit("m")] = None
+    step: Annotated[int | None, Unit("step"), AT_LEAST_ONE] = None
+    start: Annotated[float | None, Unit("s"), NOT_NEGATIVE] = None
+    end: Annotated[float | None, Unit("s"), POSITIVE] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartSettings:
+    """Offsets from the first state of the gait; angles ordered as `sim.interface.COORDINATES`.
+
+    Attributes:
+        torso_offset: Added to the torso angle alone.
+        q_offset: Added to the four joint angles and the torso angle.
+        dq_offset: Added to their rates.
+    """
+
+    torso_offset: Radian = 0.0
+    q_offset: Annotated[Five, Unit("rad")] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    dq_offset: Annotated[Five, Unit("rad/s")] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """Everything that decides a run; two runs of equal scenarios are equal.
+
+    Attributes:
+        name: Short name, part of the log's file name.
+        description: One sentence.
+        steps: Number of steps after which the run is completed.
+        time_limit: Simulated time after which the run ends anyway; 0 allows 2 s for each step.
+        seed: Seed of everything random.
+        walker: A folder under models/, or a path to one.
+        gait: A name in the walker's gaits/, or a path to a .toml file.
+        controller: The controller and its beliefs.
+        plant: The true walker and its world.
+        pushes: External forces.
+        start: Offsets from the gait's first state.
+    """
+
+    name: str = "custom"
+    description: str = ""
+    steps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 10
+    time_limit: Annotated[Second, NOT_NEGATIVE] = 0.0
+    seed: Annotated[int, NOT_NEGATIVE] = 0
+    walker: str = "rabbit"
+    gait: str = "paper"
+    controller: ControllerSettings = dataclasses.field(default_factory=ControllerSettings)
+    plant: PlantSettings = dataclasses.field(default_factory=PlantSettings)
+    pushes: tuple[Push, ...] = ()
+    start: StartSettings = dataclasses.field(default_factory=StartSettings)
+
+    def __post_init__(self) -> None:
+        settings.check(self)
+        _check_timestep(self.plant.timestep, self.controller.period)
+        for index, push in enumerate(self.pushes):
+            _check_when(push, f"pushes.{index}")
+
+    @property
+    def end_time(self) -> float:
+        """Simulated time at which the run ends at the latest in [s]."""
+        return self.time_limit or TIME_PER_STEP * self.steps
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in one control period."""
+        return round(self.controller.period / self.plant.timestep)
+
+
+def _check_timestep(timestep: float, period: float) -> None:
+    ratio = period / timestep
+    whole = max(1, round(ratio)) if math.isfinite(ratio) else 1
+    if abs(ratio - whole) > 1e-9 * whole:
+        near = period / whole
+        raise UserError(
+            f"plant.timestep = {timestep!r} s: must divide controller.period = {period!r} s "
+            f"a whole number of times; the nearest legal value is {near:.6g} s"
+        )
+
+
+def _check_when(push: Push, path: str) -> None:
+    window = (push.start, push.end)
+    if (push.step is None) == (window == (None, None)) or (push.step is None and None in window):
+        given = ", ".join(f"{key} = {getattr(push, key)!r}" for key in ("step", "start", "end"))
+        raise UserError(f"{path}: {given}: must have either step, or both start and end [s]")
+    if push.start is not None and push.end is not None and push.end <= push.start:
+        raise UserError(f"{path}.end = {push.end!r} s: must be after {path}.start = {push.start!r} s")
+
+
+def to_toml(scenario: Scenario) -> str:
+    """The whole scenario as TOML text; `from_toml` reads back an equal one."""
+    return settings.to_toml(scenario)
+
+
+def from_toml(source: str | Path) -> Scenario:
+    """A scenario from TOML.
+
+    Args:
+        source: A `Path` is read as a file, whose name is the scenario's unless it says otherwise; a `str`
+            is the TOML text itself.
+
+    Raises:
+        UserError: unreadable file, invalid TOML, unknown key, wrong type or illegal value, on one line.
+    """
+    where = str(source) if isinstance(source, Path) else "scenario"
+    try:
+        text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
+        tree = tomllib.loads(text)
+        if isinstance(source, Path):
+            tree.setdefault("name", source.stem)
+        return settings.build(Scenario, tree)
+    except OSError as error:
+        raise UserError(f"{where}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{where}: is not UTF-8 text (byte {error.start})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{where}: is not valid TOML: {error}") from error
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    except ValueError as error:  # an integer of thousands of digits
+        raise UserError(f"{where}: is not valid TOML: {error}") from error
+
+
+def with_values(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
+    """A copy with several settings changed at once, by dotted path; see `settings.with_values`."""
+    return settings.with_values(scenario, changes)
+
+
+def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
+    """A copy with one setting changed: `with_value(scenario, "plant.mass_factor.torso", 2.0)`."""
+    return settings.with_values(scenario, {path: value})
+
+
+def settings_table(scenario: Scenario | None = None) -> tuple[settings.Setting, ...]:
+    """Every setting with dotted path, value, type, unit, range and help; of the defaults if none is given."""
+    return tuple(settings.table(scenario if scenario is not None else Scenario()))
+
+
+def shipped() -> dict[str, str]:
+    """Names of the scenarios that come with the program, each with its description."""
+    return {path.stem: from_toml(path).description for path in sorted(SHIPPED.glob("*.toml"))}
+
+
+def load(name: str) -> Scenario:
+    """A shipped scenario by name, or any other by the path of its .toml file.
+
+    Raises:
+        UserError: no such name (the message has the nearest and the list), or an illegal file.
+    """
+    if name.endswith(".toml") or os.sep in name:
+        return from_toml(Path(name))
+    path = SHIPPED / f"{name}.toml"
+    if not path.is_file():
+        names = sorted(path.stem for path in SHIPPED.glob("*.toml"))
+        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+        guess = f"; did you mean {near[0]}?" if near else ";"
+        raise UserError(f"no scenario {name!r}{guess} Shipped: {', '.join(names)}; or give a .toml file")
+    return from_toml(path)

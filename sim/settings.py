@@ -1,0 +1,170 @@
+"""A tree of frozen dataclasses as settings: read strictly, changed by dotted path, listed, written as TOML.
+
+Nothing here knows what a setting means. A field's annotation tells its type, unit and range; the `Attributes`
+section of its class tells its help; `sim.specs` reads both.
+"""
+
+import dataclasses
+import difflib
+import json
+import numbers
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass
+from typing import Any, TypeVar
+
+from sim.errors import UserError
+from sim.specs import Spec, leaf, specs
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """A row of the table of settings: dotted path of a leaf, its present value, and its `Spec`."""
+
+    path: str
+    value: Any
+    spec: Spec
+
+
+def build(cls: type[T], table: Any, path: str = "") -> T:
+    """Settings from nested dicts and lists, as `tomllib` reads them.
+
+    Raises:
+        UserError: an unknown or missing key, a wrong type, or a value out of range; names the dotted path.
+    """
+    if not isinstance(table, Mapping):
+        raise UserError(f"{path} = {table!r}: must be a table with the keys {', '.join(specs(cls))}")
+    for key in table:
+        if key not in specs(cls):
+            raise UserError(f"{join(path, key)}: unknown key{_hint(key, path, cls)}")
+    values = {}
+    for name, spec in specs(cls).items():
+        if name in table:
+            values[name] = _field(table[name], spec, join(path, name))
+        elif spec.default is MISSING:
+            raise UserError(f"{join(path, name)}: missing; must be {spec.legal}")
+    return cls(**values)
+
+
+def _field(value: Any, spec: Spec, path: str) -> Any:
+    if not spec.is_table:
+        return leaf(value, spec, path)
+    if not spec.repeated:
+        return build(spec.type, value, path)
+    if not isinstance(value, list | tuple):
+        raise UserError(f"{path} = {value!r}: must be {spec.legal}")
+    return tuple(build(spec.type, item, join(path, str(index))) for index, item in enumerate(value))
+
+
+def _hint(key: str, path: str, cls: type) -> str:
+    near = difflib.get_close_matches(key, list(specs(cls)), n=1, cutoff=0.5)
+    if near:
+        return f"; did you mean {join(path, near[0])}? Legal: {', '.join(specs(cls))}"
+    return f"; legal: {', '.join(specs(cls))}"
+
+
+def check(settings: Any) -> None:
+    """Check type and range of every leaf; for settings that were built by hand.
+
+    Raises:
+        UserError: names the dotted path, the value, the unit and what is legal.
+    """
+    for setting in table(settings):
+        leaf(setting.value, setting.spec, setting.path)
+
+
+def table(settings: Any, path: str = "") -> Iterator[Setting]:
+    """Every leaf of a settings object with its dotted path; tables of an array are numbered from 0."""
+    for name, spec in specs(type(settings)).items():
+        value, here = getattr(settings, name), join(path, name)
+        if not spec.is_table:
+            yield Setting(path=here, value=value, spec=spec)
+        elif spec.repeated:
+            for index, item in enumerate(value):
+                yield from table(item, join(here, str(index)))
+        else:
+            yield from table(value, here)
+
+
+def as_tree(settings: Any) -> dict[str, Any]:
+    """Settings as nested dicts and lists; `build` is its inverse."""
+    return {name: _plain(getattr(settings, name)) for name in specs(type(settings))}
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return as_tree(value)
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+def with_values(settings: T, changes: Mapping[str, Any]) -> T:
+    """A copy with several leaves changed at once, so that values that must agree can change together.
+
+    Args:
+        settings: What to start from.
+        changes: New values by dotted path, "plant.mass_factor.torso". Tables of an array are numbered from 0;
+            the number after the last one appends a table.
+
+    Raises:
+        UserError: an unknown path or an illegal value.
+    """
+    tree = as_tree(settings)
+    for path, value in changes.items():
+        node: Any = tree
+        *parents, last = path.split(".")
+        for depth, key in enumerate(parents):
+            node = _child(node, key, ".".join(parents[:depth]), path)
+        _child(node, last, ".".join(parents), path)
+        node[int(last) if isinstance(node, list) else last] = value
+    return build(type(settings), tree)
+
+
+def _child(node: Any, key: str, at: str, path: str) -> Any:
+    """The entry `key`, made empty if it is new; `build` judges unknown names later."""
+    if isinstance(node, dict):
+        return node.setdefault(key, {})
+    if not isinstance(node, list):
+        raise UserError(f"{path}: unknown key; {at} is a single value")
+    last = len(node) if not node or isinstance(node[0], dict) else len(node) - 1
+    if not re.fullmatch(r"[0-9]+", key) or int(key) > last:
+        raise UserError(f"{path}: {key!r} is no index of {at}; legal: 0 to {last}")
+    if int(key) == len(node):
+        node.append({})
+    return node[int(key)]
+
+
+def to_toml(settings: Any) -> str:
+    """Settings as TOML text that reads back equal; None is written by leaving the key out."""
+    return "\n".join(_toml_lines(settings, "")).strip() + "\n"
+
+
+def _toml_lines(settings: Any, path: str) -> Iterator[str]:
+    fields = specs(type(settings)).items()
+    for name, spec in fields:
+        if not spec.is_table and getattr(settings, name) is not None:
+            unit = f"  # [{spec.unit}]" if spec.unit else ""
+            yield f"{name} = {_toml_value(getattr(settings, name))}{unit}"
+    for name, spec in fields:
+        if spec.is_table:
+            here, value = join(path, name), getattr(settings, name)
+            for item in value if spec.repeated else (value,):
+                yield f"\n[[{here}]]" if spec.repeated else f"\n[{here}]"
+                yield from _toml_lines(item, here)
+
+
+def _toml_value(value: bool | float | str | Sequence[float]) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(_toml_value, value))}]"
+    return repr(int(value) if isinstance(value, numbers.Integral) else float(value))
+
+
+def join(path: str, key: str) -> str:
+    """Dotted path of a key under a path; a key that TOML would have to quote is quoted."""
+    key = key if re.fullmatch(r"[\w-]+", key) else json.dumps(key)
+    return f"{path}.{key}" if path else key

@@ -1,0 +1,163 @@
+"""What one setting may hold: type, unit, range, choices and help, read from a dataclass field.
+
+Legal field types: bool, int, float, str, Literal, `T | None` with default None, fixed-length tuples of float,
+another settings dataclass, and `tuple[Dataclass, ...]`.
+"""
+
+import dataclasses
+import functools
+import inspect
+import math
+import numbers
+import re
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass
+from typing import Any
+
+from sim.errors import UserError
+from sim.units import Range, Unit
+
+LONGEST_SHOWN = 60  # characters of an illegal value that a message repeats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spec:
+    """What one field of a settings class may hold.
+
+    Attributes:
+        type: bool, int, float, str, or the settings class of a nested table.
+        unit: Symbol of the unit, empty for words and switches.
+        range: Legal values, None if every finite one is.
+        choices: Legal words, empty if every one is.
+        length: Number of values of a fixed-length tuple, 0 for a single value.
+        repeated: Whether the field holds any number of tables.
+        optional: Whether None is legal.
+        help: One sentence.
+        default: Default value, `dataclasses.MISSING` if it must be given.
+    """
+
+    type: Any
+    unit: str
+    range: Range | None
+    choices: tuple[str, ...]
+    length: int
+    repeated: bool
+    optional: bool
+    help: str
+    default: Any
+
+    @property
+    def is_table(self) -> bool:
+        """Whether the field holds a nested table, or several."""
+        return dataclasses.is_dataclass(self.type)
+
+    @property
+    def legal(self) -> str:
+        """What may be given, in words, with the unit."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        noun = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}.get(self.type)
+        if self.is_table:
+            noun = "an array of tables" if self.repeated else "a table"
+        words = f"{self.length} numbers" if self.length else str(noun)
+        if self.range is not None:
+            words += f" {self.range.words}"
+        elif self.type is float:
+            words = words.replace("number", "finite number")
+        return words + (f" [{self.unit}]" if self.unit else "") + (" or none" if self.optional else "")
+
+
+def specs(cls: Any) -> Mapping[str, Spec]:
+    """Field specifications of a settings class, by field name, in order of declaration."""
+    return _specs(cls)
+
+
+@functools.cache
+def _specs(cls: Any) -> Mapping[str, Spec]:
+    hints = typing.get_type_hints(cls, include_extras=True)
+    helps = _attribute_helps(cls)
+    return {f.name: _spec(hints[f.name], _default(f), helps.get(f.name, "")) for f in dataclasses.fields(cls)}
+
+
+def _default(field: "dataclasses.Field[Any]") -> Any:
+    return field.default_factory() if field.default_factory is not MISSING else field.default
+
+
+def _spec(hint: Any, default: Any, help: str) -> Spec:
+    notes: tuple[Any, ...] = getattr(hint, "__metadata__", ())
+    hint = typing.get_args(hint)[0] if notes else hint
+    optional = typing.get_origin(hint) in (types.UnionType, typing.Union)
+    if optional:
+        hint = next(arg for arg in typing.get_args(hint) if arg is not types.NoneType)
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    repeated = origin is tuple and Ellipsis in args
+    return Spec(
+        type={tuple: args[0] if args else None, typing.Literal: str}.get(origin, hint),
+        unit=next((note.symbol for note in notes if isinstance(note, Unit)), ""),
+        range=next((note for note in notes if isinstance(note, Range)), None),
+        choices=args if origin is typing.Literal else (),
+        length=len(args) if origin is tuple and not repeated else 0,
+        repeated=repeated,
+        optional=optional,
+        help=help,
+        default=default,
+    )
+
+
+def _attribute_helps(cls: type) -> dict[str, str]:
+    section = (inspect.getdoc(cls) or "").partition("Attributes:\n")[2]
+    entries = re.findall(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", section, flags=re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in entries}
+
+
+def leaf(value: Any, spec: Spec, path: str) -> Any:
+    """The value in its field's type (an int becomes a float where one is expected), or a `UserError`."""
+    if value is None and spec.optional:
+        return None
+    items = value if spec.length else (value,)
+    fits = isinstance(items, list | tuple) and len(items) == (spec.length or 1)
+    if not fits or not all(_fits(item, spec) for item in items):
+        raise UserError(f"{path} = {_shown(value, spec)}: must be {spec.legal}")
+    items = tuple(spec.type(item) for item in items)
+    return items if spec.length else items[0]
+
+
+def _fits(value: Any, spec: Spec) -> bool:
+    if spec.type is float:
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            return False
+        try:
+            number = float(value)
+        except OverflowError:
+            return False
+        return math.isfinite(number) and (spec.range is None or number in spec.range)
+    if spec.type is int:
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+            return False
+        return spec.range is None or int(value) in spec.range
+    return type(value) is spec.type and (not spec.choices or value in spec.choices)
+
+
+def _shown(value: Any, spec: Spec) -> str:
+    text = repr(value)
+    text = text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
+    number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    return f"{text} {spec.unit}" if number and spec.unit else text
+
+
+def from_text(texts: Sequence[str], spec: Spec, path: str) -> Any:
+    """The value of a field from the words of a command line, or a `UserError`."""
+    if spec.optional and all(text.lower() == "none" for text in texts):
+        return None
+    items = [_number(text, spec.type) if spec.type in (int, float) else text for text in texts]
+    return leaf(items if spec.length else items[0], spec, path)
+
+
+def _number(text: str, kind: type) -> Any:
+    """The number a text stands for, or the text itself, for `leaf` to reject by name."""
+    try:
+        return kind(text)
+    except ValueError:
+        return text

@@ -1,0 +1,54 @@
+"""Units and legal ranges, written once beside each setting: `Annotated[float, Unit("N"), NOT_NEGATIVE]`.
+
+The command line's help, error messages and the log all read them from the annotation.
+"""
+
+from dataclasses import dataclass
+from math import inf, pi
+from typing import Annotated
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Unit of a setting.
+
+    Attributes:
+        symbol: As printed, "N" or "rad/s"; "ratio" for a quantity without dimension.
+    """
+
+    symbol: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Range:
+    """Legal values of a setting, in its unit.
+
+    Attributes:
+        low: Lower end.
+        high: Upper end.
+        open: Whether the ends themselves are illegal.
+        words: How a message names the range.
+    """
+
+    low: float = -inf
+    high: float = inf
+    open: bool = False
+    words: str
+
+    def __contains__(self, value: float) -> bool:
+        """Whether the value is legal; NaN never is."""
+        if self.open:
+            return self.low < value < self.high
+        return self.low <= value <= self.high
+
+
+POSITIVE = Range(low=0.0, open=True, words="above 0")
+NOT_NEGATIVE = Range(low=0.0, words="0 or above")
+AT_LEAST_ONE = Range(low=1.0, words="1 or above")
+SLOPE = Range(low=-pi / 2, high=pi / 2, open=True, words="between -pi/2 and pi/2")
+
+Newton = Annotated[float, Unit("N")]
+Radian = Annotated[float, Unit("rad")]
+Second = Annotated[float, Unit("s")]
+Ratio = Annotated[float, Unit("ratio")]
+PositiveRatio = Annotated[float, Unit("ratio"), POSITIVE]

@@ -1,0 +1,43 @@
+"""Pushes act when they should, with the force they should."""
+
+import math
+
+import pytest
+
+from sim.disturbances import active_forces
+from sim.scenario import Push
+
+COM = {"torso": (0.0, 0.24), "left_tibia": (0.0, 0.2)}
+
+
+def test_nothing_is_active_without_pushes() -> None:
+    assert active_forces((), 0.0, 1, COM) == ()
+
+
+@pytest.mark.parametrize(("step", "acts"), [(1, False), (2, True), (3, False)])
+def test_a_push_by_step_lasts_that_step(step: int, acts: bool) -> None:
+    assert bool(active_forces((Push(force=25.0, step=2),), 0.7, step, COM)) is acts
+
+
+def test_a_push_by_time_lasts_a_whole_number_of_ticks() -> None:
+    period = 1e-3  # [s]
+    push = Push(force=1.0, start=0.057, end=0.113)
+    ticks = [k for k in range(200) if active_forces((push,), k * period, 1, COM)]
+    assert ticks == list(range(57, 113))
+
+
+def test_a_push_without_point_attacks_the_centre_of_mass() -> None:
+    (force,) = active_forces((Push(force=25.0, step=1),), 0.0, 1, COM)
+    assert (force.body, force.point, force.force) == ("torso", (0.0, 0.24), (25.0, 0.0))
+
+
+def test_direction_is_counter_clockwise_from_forward() -> None:
+    push = Push(force=10.0, direction=math.pi / 2, body="left_tibia", point=(0.01, 0.3), step=1)
+    (force,) = active_forces((push,), 0.0, 1, COM)
+    assert force.force == pytest.approx((0.0, 10.0))
+    assert force.point == (0.01, 0.3)
+
+
+def test_pushes_that_act_together_all_act() -> None:
+    pushes = (Push(force=1.0, step=1), Push(force=2.0, start=0.0, end=1.0), Push(force=3.0, step=2))
+    assert [force.force[0] for force in active_forces(pushes, 0.5, 1, COM)] == [1.0, 2.0]
