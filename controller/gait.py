@@ -43,7 +43,9 @@ class Gait:
     table: kernels.GaitTable
 
     @classmethod
-    def of(cls, *, name: str, source: str, alpha: Vector, clock: Vector, q_minus: Vector, dq_minus: Vector) -> "Gait":
+    def of(
+        cls, *, name: str, source: str, alpha: Vector, clock: Vector, q_minus: Vector, dq_minus: Vector
+    ) -> "Gait":
         """Build a gait; the clock's range follows from the posture before impact and its mirror image."""
         theta_plus, theta_minus = float(clock @ swap_legs(q_minus)), float(clock @ q_minus)
         table = kernels.GaitTable(
@@ -53,7 +55,13 @@ class Gait:
             theta_span=theta_minus - theta_plus,
         )
         return cls(
-            name=name, source=source, alpha=alpha, clock=clock, q_minus=q_minus, dq_minus=dq_minus, table=table
+            name=name,
+            source=source,
+            alpha=alpha,
+            clock=clock,
+            q_minus=q_minus,
+            dq_minus=dq_minus,
+            table=table,
         )
 
     @property
@@ -67,7 +75,7 @@ class Gait:
         return self.table.theta_start + self.table.theta_span
 
     def normalised(self, theta: float) -> float:
-        """s = (theta - theta+) / (theta- - theta+)."""
+        """S = (theta - theta+) / (theta- - theta+)."""
         return (theta - self.table.theta_start) / self.table.theta_span
 
     def desired(self, theta: float) -> tuple[Vector, Vector, Vector]:
@@ -176,7 +184,9 @@ def _tolerance(data: dict[str, Any], key: str, default: float, where: str) -> fl
     return float(value)
 
 
-def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = None, rows: int | None = None) -> Vector:
+def _array(
+    data: dict[str, Any], key: str, where: str, *, size: int | None = None, rows: int | None = None
+) -> Vector:
     """A finite array of (size,) or (rows, at least 3) from a gait file."""
     legal = f"{size} numbers" if size else f"{rows} rows of equal length, at least 3 coefficients each"
     if key not in data:
@@ -185,7 +195,9 @@ def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = Non
         array = np.array(data[key], dtype=float)
     except (TypeError, ValueError) as error:
         raise ControllerInputError(f"{where}: {key} is not an array of numbers; legal: {legal}") from error
-    fits = array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
+    fits = (
+        array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
+    )
     if not fits:
         raise ControllerInputError(f"{where}: {key} has shape {array.shape}; legal: {legal}")
     if not np.isfinite(array).all():

@@ -124,7 +124,7 @@ def new_stage() -> Stage:
 
 @compiled
 def to_links(q: Array, phi: Array) -> None:
-    """phi = H q: absolute link angles (or rates) from the paper's coordinates."""
+    """Phi = H q: absolute link angles (or rates) from the paper's coordinates."""
     phi[0] = q[0] + q[4]
     phi[1] = q[1] + q[4]
     phi[2] = q[0] + q[2] + q[4]
@@ -134,7 +134,7 @@ def to_links(q: Array, phi: Array) -> None:
 
 @compiled
 def from_links(phi: Array, q: Array) -> None:
-    """q = H^-1 phi, also for rates and accelerations."""
+    """Q = H^-1 phi, also for rates and accelerations."""
     q[0] = phi[0] - phi[4]
     q[1] = phi[1] - phi[4]
     q[2] = phi[2] - phi[0]

@@ -30,7 +30,7 @@ _COST_SCALE = 1e4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StageQP:
-    """One problem of Eq. (22), all stages in the joint order of stage 0.
+    """One problem of Eq. (22); joints in stance order of each stage.
 
     Attributes:
         rate: M_k = T (D^-1 B)_k in [rad/s/(N.m)], (N, 4, 4).
@@ -161,9 +161,7 @@ class SparseSolver:
         )
         q = np.concatenate([np.zeros(at.n_u), problem.linear.ravel() * _RATE_SCALE, np.zeros(at.n_s)])
         rate = problem.rate.ravel() * _TORQUE_SCALE / _RATE_SCALE
-        A = sp.csc_matrix(
-            (np.concatenate([at.A_fixed, -rate]), (at.A_rows, at.A_cols)), shape=(at.n_w, at.n)
-        )
+        A = sp.csc_matrix((np.concatenate([at.A_fixed, -rate]), (at.A_rows, at.A_cols)), shape=(at.n_w, at.n))
         rows = problem.rows.ravel() * _TORQUE_SCALE / _FORCE_SCALE
         G = sp.csc_matrix(
             (np.concatenate([rows, -np.ones(at.n_s)]), (at.G_rows, at.G_cols)), shape=(at.n_s, at.n)

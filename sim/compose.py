@@ -172,4 +172,3 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader
             gait.name: ("application/toml", gait.read_bytes()),
         },
     )
-
