@@ -195,9 +195,7 @@ def _array(
         array = np.array(data[key], dtype=float)
     except (TypeError, ValueError) as error:
         raise ControllerInputError(f"{where}: {key} is not an array of numbers; legal: {legal}") from error
-    fits = (
-        array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
-    )
+    fits = array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
     if not fits:
         raise ControllerInputError(f"{where}: {key} has shape {array.shape}; legal: {legal}")
     if not np.isfinite(array).all():

@@ -88,12 +88,8 @@ class WalkerModel:
         self.path = path
         self.pinocchio = load_pinocchio(path)
         self.torso, self.femur, self.tibia = _links(self.pinocchio, path)
-        self.torque_limits = _per_joint(
-            self.pinocchio, self.pinocchio.effortLimit, path, "effort limit", "N.m"
-        )
-        self.damping = _per_joint(
-            self.pinocchio, self.pinocchio.damping, path, "damping", "N.m.s/rad", zero=True
-        )
+        self.torque_limits = _per_joint(self.pinocchio, self.pinocchio.effortLimit, path, "effort limit", "N.m")
+        self.damping = _per_joint(self.pinocchio, self.pinocchio.damping, path, "damping", "N.m.s/rad", zero=True)
         self.lumped = lump(self.torso, self.femur, self.tibia, self.damping, gravity)
 
     @property
@@ -230,17 +226,13 @@ def _links(model: pin.Model, path: Path) -> tuple[Link, Link, Link]:
         if np.abs(model.jointPlacements[hip].translation).max() > _STRAIGHT:
             raise ControllerInputError(f"{path}: {side}_hip must sit at the torso's origin")
         if not model.existFrame(f"{side}_foot"):
-            raise ControllerInputError(
-                f"{path}: no frame {side}_foot; legal: a fixed joint at the tibia's end"
-            )
+            raise ControllerInputError(f"{path}: no frame {side}_foot; legal: a fixed joint at the tibia's end")
         foot = model.frames[model.getFrameId(f"{side}_foot")].placement.translation
         femur = _link(model, hip, _along(model.jointPlacements[knee].translation, path, f"{side}_knee"), path)
         tibia = _link(model, knee, _along(foot, path, f"{side}_foot"), path)
         legs.append((femur, tibia))
     if legs[0] != legs[1]:
-        raise ControllerInputError(
-            f"{path}: left and right leg differ; legal: equal masses, lengths and inertias"
-        )
+        raise ControllerInputError(f"{path}: left and right leg differ; legal: equal masses, lengths and inertias")
     return torso, *legs[0]
 
 
@@ -248,33 +240,23 @@ def _link(model: pin.Model, joint: int, length: float, path: Path) -> Link:
     inertia = model.inertias[joint]
     name = model.names[joint]
     if not (np.isfinite(inertia.mass) and inertia.mass > 0.0):
-        raise ControllerInputError(
-            f"{path}: mass of the link at {name} is {inertia.mass} kg; legal: above 0 kg"
-        )
+        raise ControllerInputError(f"{path}: mass of the link at {name} is {inertia.mass} kg; legal: above 0 kg")
     about_y = float(inertia.inertia[1, 1])
     if not (np.isfinite(about_y) and about_y > 0.0):
-        raise ControllerInputError(
-            f"{path}: inertia of the link at {name} is {about_y} kg m^2; legal: above 0"
-        )
+        raise ControllerInputError(f"{path}: inertia of the link at {name} is {about_y} kg m^2; legal: above 0")
     com = _along(inertia.lever, path, f"the centre of mass at {name}")
     return Link(mass=float(inertia.mass), length=length, com=com, inertia=about_y)
 
 
 def _along(translation: Vector, path: Path, what: str) -> float:
-    if (
-        not np.isfinite(translation).all()
-        or np.abs(translation[:2]).max() > _STRAIGHT
-        or translation[2] <= 0.0
-    ):
+    if not np.isfinite(translation).all() or np.abs(translation[:2]).max() > _STRAIGHT or translation[2] <= 0.0:
         raise ControllerInputError(
             f"{path}: {what} is at {translation.tolist()} m; legal: on the link's z axis, above 0 m"
         )
     return float(translation[2])
 
 
-def _per_joint(
-    model: pin.Model, values: Vector, path: Path, what: str, unit: str, *, zero: bool = False
-) -> Vector:
+def _per_joint(model: pin.Model, values: Vector, path: Path, what: str, unit: str, *, zero: bool = False) -> Vector:
     """A joint property ordered (left hip, right hip, left knee, right knee), equal for both legs."""
     names = ("left_hip", "right_hip", "left_knee", "right_knee")
     found = np.array([values[model.joints[model.getJointId(name)].idx_v] for name in names])

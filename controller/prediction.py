@@ -54,9 +54,7 @@ class Horizon:
         return first + 1 if self.exchange[first] else -1
 
 
-def predict(
-    model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceState, N: int, T: float
-) -> Horizon:
+def predict(model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceState, N: int, T: float) -> Horizon:
     """Simulate the closed loop under ZD+PD from the measured state, u_tilde = 0.
 
     Implements: Eqs. (10)-(13).

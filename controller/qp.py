@@ -12,7 +12,7 @@ so the problem always has exactly one solution; the torque box is hard.
 
 import time
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import qpsolvers
@@ -129,7 +129,7 @@ class SparsePattern:
 class SparseSolver:
     """Any solver of qpsolvers, by name, on the scaled sparse form."""
 
-    def __init__(self, name: str, N: int, **options: float) -> None:
+    def __init__(self, name: str, N: int, **options: Any) -> None:
         """Choose a solver.
 
         Args:
@@ -163,9 +163,7 @@ class SparseSolver:
         rate = problem.rate.ravel() * _TORQUE_SCALE / _RATE_SCALE
         A = sp.csc_matrix((np.concatenate([at.A_fixed, -rate]), (at.A_rows, at.A_cols)), shape=(at.n_w, at.n))
         rows = problem.rows.ravel() * _TORQUE_SCALE / _FORCE_SCALE
-        G = sp.csc_matrix(
-            (np.concatenate([rows, -np.ones(at.n_s)]), (at.G_rows, at.G_cols)), shape=(at.n_s, at.n)
-        )
+        G = sp.csc_matrix((np.concatenate([rows, -np.ones(at.n_s)]), (at.G_rows, at.G_cols)), shape=(at.n_s, at.n))
         free, soft = np.full(at.n_w, np.inf), np.full(at.n_s, np.inf)
         return qpsolvers.Problem(
             P=sp.diags(P / _COST_SCALE, format="csc"),

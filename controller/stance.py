@@ -30,6 +30,4 @@ class StanceEstimator:
             ahead, _, _ = self._model.swing_foot(q, dq)
             if ahead > 0.0:
                 self.leg = self.leg.other
-        return StanceState(
-            q=self.leg.from_body(observation.q), dq=self.leg.from_body(observation.dq), leg=self.leg
-        )
+        return StanceState(q=self.leg.from_body(observation.q), dq=self.leg.from_body(observation.dq), leg=self.leg)

@@ -39,9 +39,7 @@ def applied_force(push: Push, com: CentresOfMass) -> AppliedForce:
     )
 
 
-def active_forces(
-    pushes: Sequence[Push], t: float, step: int, com: CentresOfMass
-) -> tuple[AppliedForce, ...]:
+def active_forces(pushes: Sequence[Push], t: float, step: int, com: CentresOfMass) -> tuple[AppliedForce, ...]:
     """Forces that act in the hold that starts now.
 
     Args:

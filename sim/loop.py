@@ -24,9 +24,7 @@ Stop = Callable[[], str | None]
 class Tape(Protocol):
     """Where ticks and events go; the recorder is one, `NoTape` another."""
 
-    def tick(
-        self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float
-    ) -> None:
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
         """One tick."""
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
@@ -36,9 +34,7 @@ class Tape(Protocol):
 class NoTape:
     """Forgets everything."""
 
-    def tick(
-        self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float
-    ) -> None:
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
         """Forget a tick."""
 
     def event(self, k: int, level: str, name: str, message: str) -> None:

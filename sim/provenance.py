@@ -59,9 +59,7 @@ def git_state(root: Path = _ROOT) -> GitState:
         return nothing
     command = ["git", "--no-optional-locks", "status", "--porcelain=v2", "--branch", "--untracked-files=no"]
     try:
-        done = subprocess.run(
-            command, cwd=root, capture_output=True, text=True, timeout=_GIT_TIMEOUT, check=True
-        )
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=_GIT_TIMEOUT, check=True)
     except (OSError, subprocess.SubprocessError):
         return nothing
     lines = done.stdout.splitlines()

@@ -27,9 +27,7 @@ def _finite(value: Any) -> Any:
 
 def as_table(summary: RunSummary, scenario: Scenario) -> Table:
     """The summary as a rich table, one figure a row."""
-    table = Table(
-        title=f"{scenario.name}, {scenario.controller.kind}", show_header=False, title_justify="left"
-    )
+    table = Table(title=f"{scenario.name}, {scenario.controller.kind}", show_header=False, title_justify="left")
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, text in _rows(summary, scenario):
@@ -49,9 +47,7 @@ def _rows(summary: RunSummary, scenario: Scenario) -> list[tuple[str, str]]:
     for joint, peak in summary.peak_torque_Nm.items():
         limit = summary.torque_limit_Nm.get(joint, math.inf)
         name = f"peak torque, {joint.replace('_', ' ')}"
-        rows.append(
-            (name, f"{peak:.1f} N.m" + (f" of {limit:.0f}" if math.isfinite(limit) else ", no limit"))
-        )
+        rows.append((name, f"{peak:.1f} N.m" + (f" of {limit:.0f}" if math.isfinite(limit) else ", no limit")))
     rows += [
         (
             "worst |F_T/F_N|",

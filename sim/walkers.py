@@ -37,9 +37,7 @@ class WalkerFolder:
         folder = (Path(walker) if is_path else SHIPPED / walker).resolve()
         if not folder.is_dir():
             names = sorted(p.name for p in SHIPPED.iterdir() if (p / f"{p.name}.urdf").is_file())
-            raise UserError(
-                f"walker = {walker!r}: no such folder; legal: one of {names}, or the path of a folder"
-            )
+            raise UserError(f"walker = {walker!r}: no such folder; legal: one of {names}, or the path of a folder")
         found = cls(
             name=folder.name,
             mjcf=folder / f"{folder.name}.xml",
@@ -60,7 +58,5 @@ class WalkerFolder:
         path = Path(gait) if gait.endswith(".toml") or os.sep in gait else self.gaits / f"{gait}.toml"
         if not path.is_file():
             names = sorted(p.stem for p in self.gaits.glob("*.toml"))
-            raise UserError(
-                f"gait = {gait!r}: no such gait; legal: one of {names}, or the path of a .toml file"
-            )
+            raise UserError(f"gait = {gait!r}: no such gait; legal: one of {names}, or the path of a .toml file")
         return path

@@ -106,9 +106,7 @@ def test_flags_override_the_scenario_wherever_the_name_stands(run):
         "2",
         "--seed=7",
     ]
-    assert (
-        call(*flags, "--no-log", "--plant.ground.slope", "-1e-2", "--controller.kp", "1", "2", "3", "4") == 0
-    )
+    assert call(*flags, "--no-log", "--plant.ground.slope", "-1e-2", "--controller.kp", "1", "2", "3", "4") == 0
     scenario = run.scenario
     assert (scenario.name, scenario.controller.kind, scenario.steps, scenario.seed) == (
         "undisturbed",
@@ -127,9 +125,7 @@ def test_underscores_and_hyphens_are_the_same(run):
 
 
 def test_switches_go_both_ways(run):
-    assert (
-        call("--no-log", "--controller.no-friction-rows", "--plant.no-saturation", "--plant.saturation") == 0
-    )
+    assert call("--no-log", "--controller.no-friction-rows", "--plant.no-saturation", "--plant.saturation") == 0
     assert (run.scenario.controller.friction_rows, run.scenario.plant.saturation) == (False, True)
 
 
@@ -176,9 +172,7 @@ def test_json_is_one_object_with_the_fields_of_the_summary_and_nothing_else(run,
 
 @pytest.mark.parametrize(("outcome", "code"), [("completed", 0), ("fell", 0), ("error", 1)])
 def test_a_fall_is_a_result_and_an_error_is_not(run, outcome, code, capsys):
-    run.result = dataclasses.replace(
-        SUMMARY, outcome=outcome, fall_reason="the hip [sank]" * (outcome == "fell")
-    )
+    run.result = dataclasses.replace(SUMMARY, outcome=outcome, fall_reason="the hip [sank]" * (outcome == "fell"))
     assert call("--no-log") == code
     out = capsys.readouterr().out
     assert outcome in out

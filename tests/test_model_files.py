@@ -161,8 +161,6 @@ def test_keyframe_is_the_state_after_impact(plant, gait: dict) -> None:
     model, _ = plant
     qpos, qvel = post_impact(plant, gait)
     key = model.key("post_impact")
-    sphere = np.array(
-        [0, 0.002 - 1e-6]
-    )  # [m] the tip stands on the foot's sphere, which is in the floor by 1 um
+    sphere = np.array([0, 0.002 - 1e-6])  # [m] the tip stands on the foot's sphere, which is in the floor by 1 um
     assert key.qpos == pytest.approx(qpos + np.r_[sphere, np.zeros(5)], abs=1e-8)
     assert key.qvel == pytest.approx(qvel, abs=1e-8)

@@ -84,7 +84,5 @@ def test_foot_position_and_jacobian_agree(plant: MujocoPlant, foot: str) -> None
 def test_damping_and_effort_limits_agree(plant: MujocoPlant) -> None:
     model = belief()
     assert np.array_equal(plant.model.dof_damping, model.damping)
-    for name, limit in zip(
-        ("left_hip", "right_hip", "left_knee", "right_knee"), plant.torque_limits, strict=True
-    ):
+    for name, limit in zip(("left_hip", "right_hip", "left_knee", "right_knee"), plant.torque_limits, strict=True):
         assert model.upperEffortLimit[model.joints[model.getJointId(name)].idx_v] == limit

@@ -129,9 +129,7 @@ def test_free_fall_is_parabolic_and_keeps_momentum() -> None:
     assert spin == pytest.approx(angular, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("integrator", "tolerance"), [("RK4", 1e-8), ("implicitfast", 1e-2), ("Euler", 1e-2)]
-)
+@pytest.mark.parametrize(("integrator", "tolerance"), [("RK4", 1e-8), ("implicitfast", 1e-2), ("Euler", 1e-2)])
 def test_free_fall_without_damping_keeps_energy(integrator: str, tolerance: float) -> None:
     plant = make(integrator=integrator, damping_factor=NO_DAMPING)
     in_flight(plant)

@@ -262,9 +262,7 @@ def test_stream_with_every_crc_matches_the_summary(log_path):
 def test_message_indexes_point_at_their_messages(log_path):
     """A seeking reader that starts in the middle finds the right ticks."""
     with open(log_path, "rb") as file:
-        found = list(
-            make_reader(file).iter_messages(["/control"], start_time=210_000_000, end_time=220_000_000)
-        )
+        found = list(make_reader(file).iter_messages(["/control"], start_time=210_000_000, end_time=220_000_000))
     assert [message.sequence for _, _, message in found] == list(range(210, 220))
 
 

@@ -72,9 +72,7 @@ def scenarios(draw):
             mass_factor=draw(some(BodyFactors, positive)),
             damping_factor=draw(some(JointFactors, not_negative)),
         ),
-        pushes=tuple(
-            draw(st.lists(push_in_step | push_in_window.filter(lambda p: p.end > p.start), max_size=3))
-        ),
+        pushes=tuple(draw(st.lists(push_in_step | push_in_window.filter(lambda p: p.end > p.start), max_size=3))),
         start=StartSettings(torso_offset=draw(finite), dq_offset=draw(st.tuples(*[finite] * 5))),
     )
 
@@ -113,9 +111,7 @@ def test_file_without_a_name_is_named_after_the_file(tmp_path):
 @given(st.data())
 def test_with_value_changes_that_leaf_and_no_other(data):
     before = settings_table()
-    row = data.draw(
-        st.sampled_from([row for row in before if row.spec.type is float and not row.spec.length])
-    )
+    row = data.draw(st.sampled_from([row for row in before if row.spec.type is float and not row.spec.length]))
     value = row.value * 2 if row.value else 0.125
     if row.path == "controller.period":  # which the physics step has to divide
         value = 0.002
@@ -136,9 +132,7 @@ def test_values_that_must_agree_change_together():
 
 
 def test_the_index_after_the_last_adds_a_push():
-    scenario = with_values(
-        load("push-25N"), {"pushes.1.force": -10, "pushes.1.step": 4, "pushes.0.force": 30}
-    )
+    scenario = with_values(load("push-25N"), {"pushes.1.force": -10, "pushes.1.step": 4, "pushes.0.force": 30})
     assert scenario.pushes == (Push(force=30.0, step=2), Push(force=-10.0, step=4))
 
 

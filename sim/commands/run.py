@@ -61,9 +61,7 @@ def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
     own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
     own.add_argument("--list", action="store_true", help="list the shipped scenarios")
     where = own.add_mutually_exclusive_group()
-    where.add_argument(
-        "--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>.mcap)"
-    )
+    where.add_argument("--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>.mcap)")
     where.add_argument("--no-log", action="store_true", help="write no log")
     own.add_argument("--json", action="store_true", help="print the summary as one JSON object, and no bar")
     own.add_argument("--quiet", action="store_true", help="show no progress bar")

@@ -95,9 +95,7 @@ class Recorder:
         self.event(0, "info", "run", header.headline)
         self._add_extra(0, self._scene, scene_update(header.link_lengths))
 
-    def tick(
-        self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float
-    ) -> None:
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
         """Log one tick.
 
         Args:
