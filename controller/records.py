@@ -7,10 +7,13 @@ controller and in *body order* (left hip, right hip, left knee, right knee) at i
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from controller.prediction import Plan
 
 Vector = NDArray[np.float64]
 
@@ -110,6 +113,7 @@ class ControlStep:
         slack: Largest softening of a contact-force row over the horizon in [N].
         active: Active constraints over the horizon.
         solve_s: Wall time in the solver in [s].
+        plan: What the controller expects over the horizon; None if it plans nothing.
     """
 
     stance: str
@@ -130,3 +134,4 @@ class ControlStep:
     slack: float
     active: int
     solve_s: float
+    plan: "Plan | None" = None

@@ -166,6 +166,7 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader
         platform=provenance.platform_name(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         link_lengths={"torso": 2.0 * model.torso.com, **legs},
+        slope=scenario.plant.ground.slope,
         attachments={
             folder.mjcf.name: ("application/xml", folder.mjcf.read_bytes()),
             folder.urdf.name: ("application/xml", folder.urdf.read_bytes()),
