@@ -13,6 +13,10 @@ from sim.errors import UserError
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
+    "log": "Look at logs: info, check, recover, export, compare.",
+    "replay": "Run a log again from itself, as it was or with a change.",
+    "review": "Make one page from a log, or from two.",
+    "video": "Make a film or a picture from a log.",
 }
 
 EXIT_USER_ERROR = 2

@@ -19,11 +19,11 @@ from sim import provenance
 from sim.errors import UserError
 from sim.interface import Controller, Vector
 from sim.loop import Loop, NoTape, Progress, Stop
+from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
 from sim.scenario import ControllerSettings, Scenario, to_toml
-from sim.walkers import WalkerFolder
 
 FIRST_STANCE = "left"
 
@@ -49,16 +49,20 @@ def _as_user_errors() -> Iterator[None]:
         raise UserError(str(error)) from error
 
 
-def load_belief(scenario: Scenario) -> Belief:
+def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     """The controller's model and gait.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a file is missing, unreadable or not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
+    files = files or ModelFiles.of(scenario)
     with _as_user_errors():
-        model = WalkerModel(folder.urdf)
-        return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
+        model = WalkerModel(files.urdf)
+        return Belief(model=model, gait=load_gait(files.gait, model))
 
 
 def build_controller(settings: ControllerSettings, belief: Belief) -> Controller:
@@ -84,14 +88,18 @@ def build_controller(settings: ControllerSettings, belief: Belief) -> Controller
         )
 
 
-def build_plant(scenario: Scenario) -> MujocoPlant:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant:
     """The plant a scenario asks for, not yet reset.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a model file or a setting is not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
-    return MujocoPlant(scenario.plant, folder.mjcf, scenario.controller.period)
+    files = files or ModelFiles.of(scenario)
+    return MujocoPlant(scenario.plant, files.mjcf, scenario.controller.period)
 
 
 def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
@@ -107,7 +115,12 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
 
 
 def run_scenario(
-    scenario: Scenario, *, log: Path | None = None, progress: Progress | None = None, stop: Stop | None = None
+    scenario: Scenario,
+    *,
+    log: Path | None = None,
+    progress: Progress | None = None,
+    stop: Stop | None = None,
+    files: ModelFiles | None = None,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -116,13 +129,15 @@ def run_scenario(
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+        files: Model files to use instead of those the scenario names, such as those of a log.
 
     Raises:
         UserError: a file or a setting is not legal, or the log can not be written.
     """
-    belief = load_belief(scenario)
+    files = files or ModelFiles.of(scenario)
+    belief = load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief)
-    plant = build_plant(scenario)
+    plant = build_plant(scenario, files)
     q, dq = start_state(scenario, belief)
     plant.reset(q, dq, FIRST_STANCE)
     controller.reset(FIRST_STANCE)
@@ -142,16 +157,14 @@ def run_scenario(
 
     if log is None:
         return loop(NoTape())
-    with Recorder(log, _header(scenario, belief, plant), scenario.controller.period) as recorder:
+    with Recorder(log, _header(scenario, belief, files), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, files: ModelFiles) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
-    folder = WalkerFolder.find(scenario.walker)
-    gait = folder.gait(scenario.gait)
     model = belief.model
     parts = {"femur": model.femur, "tibia": model.tibia}
     legs = {f"{side}_{part}": link.length for side in ("left", "right") for part, link in parts.items()}
@@ -168,8 +181,8 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader
         link_lengths={"torso": 2.0 * model.torso.com, **legs},
         slope=scenario.plant.ground.slope,
         attachments={
-            folder.mjcf.name: ("application/xml", folder.mjcf.read_bytes()),
-            folder.urdf.name: ("application/xml", folder.urdf.read_bytes()),
-            gait.name: ("application/toml", gait.read_bytes()),
+            files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
+            files.urdf.name: ("application/xml", files.urdf.read_bytes()),
+            files.gait.name: ("application/toml", files.gait.read_bytes()),
         },
     )

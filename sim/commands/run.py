@@ -43,8 +43,8 @@ def main(argv: Sequence[str]) -> int:
     if found.no_log:
         log = None
     else:
-        log = Path(found.log) if found.log is not None else _default_log(scenario)
-        _check_new_log(log)
+        log = Path(found.log) if found.log is not None else default_log(scenario)
+        check_new_log(log)
     return _run(scenario, log, json=found.json, quiet=found.quiet)
 
 
@@ -74,7 +74,7 @@ def _print_list() -> None:
         print(f"{name:<16}{description}{' (default)' if name == DEFAULT else ''}")
 
 
-def _default_log(scenario: Scenario) -> Path:
+def default_log(scenario: Scenario) -> Path:
     """A new name in logs/, which is made when missing."""
     try:
         LOGS.mkdir(exist_ok=True)
@@ -89,7 +89,7 @@ def _default_log(scenario: Scenario) -> Path:
     return path
 
 
-def _check_new_log(path: Path) -> None:
+def check_new_log(path: Path) -> None:
     """See before the run that its log can be written and overwrites nothing."""
     try:
         if path.exists():
@@ -109,13 +109,14 @@ def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool) -> in
 
     with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
         summary = run_scenario(scenario, log=log, progress=show, stop=stop)
-    _print_summary(summary, scenario, json=json)
+    print_summary(summary, scenario, json=json)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
 
 
-def _print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
+def print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
+    """Print a summary as a table, or as one JSON object."""
     from sim.summary import as_json, as_table
 
     if json:

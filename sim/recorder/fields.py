@@ -161,7 +161,7 @@ PREDICTION_ERROR = ChannelTable(
         "contact_force",
         _TN,
         "N",
-        "ground reaction over the last hold minus what the controller expected, on the foot it stood on; 0 at first",
+        "ground reaction over the last hold minus the expected one, on the stance foot; 0 at first",
     ),
 )
 

@@ -4,13 +4,14 @@ import numpy as np
 
 from sim.interface import ControlStep, Plan, PlantState, Vector
 from sim.recorder.fields import LEG_CODES, OUTPUTS, PREDICTED_IMPACT, PREDICTION
-from sim.recorder.schema import message_class
+from sim.recorder.layout import layout_of
+from sim.recorder.schema import descriptor, message_class
 
 STAGE_EVERY = 5
 """Stages from one logged to the next; a horizon in full would double the log."""
 
 _Prediction = message_class(PREDICTION)
-_PredictedImpact = message_class(PREDICTED_IMPACT)
+_IMPACT = layout_of(descriptor(PREDICTED_IMPACT))
 _NONE = np.zeros(2)
 
 
@@ -58,7 +59,11 @@ class Hindsight:
         """Serialised /prediction/impact for an impact at tick `k`; what was expected of it is forgotten."""
         first, last = self._first, self._last
         self._first = self._last = None
-        message = _PredictedImpact()
+        message = np.frombuffer(bytearray(_IMPACT.template), _IMPACT.dtype)
         if first and last:
-            message.foreseen, message.first_error, message.last_error = k - first[0], first[1] - k, last[1] - k
-        return message.SerializeToString(deterministic=True)
+            message["foreseen"], message["first_error"], message["last_error"] = (
+                k - first[0],
+                first[1] - k,
+                last[1] - k,
+            )
+        return message.tobytes()
