@@ -147,10 +147,7 @@ def _next_chunk(data: bytes, at: int) -> int:
 def _take(found: Scan, opcode: int, body: memoryview) -> None:
     """Keep what one record of the data says, if it is sound."""
     if opcode == Opcode.MESSAGE_INDEX:
-        if (
-            len(body) < _MESSAGE_INDEX.size
-            or _MESSAGE_INDEX.unpack_from(body)[1] != len(body) - _MESSAGE_INDEX.size
-        ):
+        if len(body) < _MESSAGE_INDEX.size or _MESSAGE_INDEX.unpack_from(body)[1] != len(body) - _MESSAGE_INDEX.size:
             raise _Senseless("a message index has another length than its entries")
         return
     if opcode not in _KINDS:

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.scenario import Scenario
+from sim.log_reader import Log
+from sim.scenario import Scenario, from_toml
 from sim.walkers import WalkerFolder
 
+LONGEST_HORIZON = 2000  # stages; the horizon of a log from elsewhere could ask for any amount of memory
+MOST_SUBSTEPS = 1000
 LARGEST_MODEL = 4 * 2**20  # [B]; ours have 6 kB
 LARGEST_IMAGE = 8192  # [pixel]
 _IMAGE = ("width", "height", "offwidth", "offheight", "shadowsize")
@@ -58,6 +61,26 @@ class ModelFiles:
         """
         folder = WalkerFolder.find(scenario.walker)
         return cls(mjcf=folder.mjcf, urdf=folder.urdf, gait=folder.gait(scenario.gait))
+
+
+def scenario_of(log: Log) -> Scenario:
+    """The scenario of a log.
+
+    Raises:
+        UserError: it is missing, not legal, or asks for more than a run from elsewhere may.
+    """
+    if "scenario.toml" not in log.attachments:
+        raise UserError(f"{log.path} has no attachment scenario.toml: it cannot be run again")
+    try:
+        scenario = from_toml(log.attachments["scenario.toml"][1].decode("utf-8"))
+    except UnicodeDecodeError:
+        raise UserError(f"{log.path}: scenario.toml is not UTF-8 text") from None
+    horizon = scenario.controller.horizon
+    if horizon > LONGEST_HORIZON:
+        raise UserError(f"{log.path}: controller.horizon = {horizon} ticks: at most {LONGEST_HORIZON} are run again")
+    if scenario.substeps > MOST_SUBSTEPS:
+        raise UserError(f"{log.path}: {scenario.substeps} physics steps a tick: at most {MOST_SUBSTEPS} are run again")
+    return scenario
 
 
 @contextlib.contextmanager

@@ -2,13 +2,12 @@
 
 import sys
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from sim import flags
 from sim.errors import UserError
 
-LAYOUTS = {"foxglove": "foxglove.json", "plotjuggler": "plotjuggler.xml"}
+VIEWERS = ("foxglove", "plotjuggler")
 EPILOG = """\
   cmpc review RUN.mcap                       one run
   cmpc review A.mcap B.mcap --out ab.html    two runs, overlaid and their difference
@@ -28,11 +27,9 @@ def main(argv: Sequence[str]) -> int:
         epilog=EPILOG,
     )
     parser.add_argument("-h", "--help", action="store_true", help="show this")
-    parser.add_argument(
-        "paths", nargs="*", metavar="RUN.mcap", help="a log, or two; with --layout the file to write"
-    )
+    parser.add_argument("paths", nargs="*", metavar="RUN.mcap", help="a log, or two; with --layout the file to write")
     parser.add_argument("--out", metavar="PATH", help="the page (default: beside the log, .html)")
-    parser.add_argument("--layout", choices=tuple(LAYOUTS), help="write this viewer's layout instead of a page")
+    parser.add_argument("--layout", choices=VIEWERS, help="write this viewer's layout instead of a page")
     parser.add_argument("--open", action="store_const", const=True, default=None, help="open it in the browser")
     parser.add_argument(
         "--no-open", dest="open", action="store_const", const=False, help="do not (default: if on a terminal)"
@@ -51,10 +48,12 @@ def main(argv: Sequence[str]) -> int:
 def _layout(viewer: str, paths: list[str]) -> int:
     if len(paths) != 1:
         raise UserError(f"cmpc review --layout {viewer} takes the one file to write; {len(paths)} were given")
+    from sim.review.layouts import LAYOUTS
+
     target = Path(paths[0])
     try:
         with open(target, "x", encoding="utf-8") as file:
-            file.write((files("sim.review") / "layouts" / LAYOUTS[viewer]).read_text(encoding="utf-8"))
+            file.write(LAYOUTS[viewer]())
     except FileExistsError:
         raise UserError(f"{target}: already exists and is never overwritten; choose another name") from None
     except OSError as error:

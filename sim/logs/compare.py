@@ -159,9 +159,7 @@ def _compare_rows(topic: str, a: NDArray[Any], b: NDArray[Any]) -> tuple[Differe
             first = Difference(int(ticks[where]), topic, name, repr(x[where].item()), repr(y[where].item()))
     if first is None and set(a.dtype.names or ()) != set(b.dtype.names or ()):
         odd = sorted(set(a.dtype.names or ()) ^ set(b.dtype.names or ()))[0]
-        first = Difference(
-            0, topic, odd, _there(odd in (a.dtype.names or ())), _there(odd in (b.dtype.names or ()))
-        )
+        first = Difference(0, topic, odd, _there(odd in (a.dtype.names or ())), _there(odd in (b.dtype.names or ())))
     return first, largest
 
 

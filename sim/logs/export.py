@@ -64,11 +64,7 @@ def _write_csv(path: Path, frame: Frame) -> None:
         words = frame.enums.get(name)
         values = column.tolist()
         columns.append(
-            [words.get(v, v) for v in values]
-            if words
-            else [int(v) for v in values]
-            if column.dtype == bool
-            else values
+            [words.get(v, v) for v in values] if words else [int(v) for v in values] if column.dtype == bool else values
         )
     with open(path, "x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -51,9 +51,7 @@ def recover(source: Path, target: Path) -> Recovery:
     for channel in known.values():
         schema = log.schemas.get(channel.schema_id)
         if channel.message_encoding != "protobuf" or schema is None or schema.encoding != "protobuf":
-            raise UserError(
-                f"{source}: channel {channel.topic} holds no protobuf messages: not a log of this program"
-            )
+            raise UserError(f"{source}: channel {channel.topic} holds no protobuf messages: not a log of this program")
     records = [record for channel_id in known for record in found.messages.get(channel_id, ())]
     if not records:
         raise UserError(f"{source}: no message can be saved")

@@ -45,9 +45,7 @@ def arrows_of(state: PlantState, slope: float, femur_length: Mapping[str, float]
         femur_length: Length of the femur of each leg in [m].
     """
     found = []
-    for leg, foot, (tangential, normal) in zip(
-        LEGS, state.foot.tolist(), state.contact_force.tolist(), strict=True
-    ):
+    for leg, foot, (tangential, normal) in zip(LEGS, state.foot.tolist(), state.contact_force.tolist(), strict=True):
         fx, fz = tangential * cos(slope) - normal * sin(slope), tangential * sin(slope) + normal * cos(slope)
         found.append(Arrow(name=f"contact.{leg}", tail=tuple(foot), force=(fx, fz), scale=CONTACT_SCALE))
     poses = link_poses(state, femur_length) if state.applied else {}
@@ -85,8 +83,6 @@ def force_update(time_ns: int, arrows: list[Arrow], lifetime_ns: int) -> bytes:
         drawn.head_length = min(_HEAD_LENGTH, length / 2)
         drawn.shaft_length = length - drawn.head_length
         drawn.shaft_diameter, drawn.head_diameter = _SHAFT, _HEAD
-        drawn.color.r, drawn.color.g, drawn.color.b = (
-            PUSH_COLOUR if arrow.name.startswith("push") else CONTACT_COLOUR
-        )
+        drawn.color.r, drawn.color.g, drawn.color.b = PUSH_COLOUR if arrow.name.startswith("push") else CONTACT_COLOUR
         drawn.color.a = 1.0
     return message.SerializeToString(deterministic=True)

@@ -108,8 +108,7 @@ def limit_of_torque(run: Run) -> dict[str, float]:
 def limits(run: Run) -> dict[str, list[dict[str, Any]]]:
     """Limit lines by the name that a panel asks for."""
     found: dict[str, list[dict[str, Any]]] = {
-        joint: [{"value": v, "label": "limit"}, {"value": -v, "label": ""}]
-        for joint, v in limit_of_torque(run).items()
+        joint: [{"value": v, "label": "limit"}, {"value": -v, "label": ""}] for joint, v in limit_of_torque(run).items()
     }
     scenario = scenario_of(run)
     if scenario:

@@ -159,6 +159,7 @@ PANELS = (
         title="Computing time",
         unit="ms",
         log=True,
+        clip=True,
         lines=(
             Line(key="tick", label="whole tick", colour="zd"),
             Line(key="solve", label="solver", colour="mpc"),

@@ -17,12 +17,10 @@ from sim.logs.check import changed_attachments
 from sim.logs.compare import Comparison, compare
 from sim.logs.frames import parsed
 from sim.loop import Progress
-from sim.models import ModelFiles, unpacked
+from sim.models import ModelFiles, scenario_of, unpacked
 from sim.outcome import Outcome, RunSummary
-from sim.scenario import Scenario, from_toml
+from sim.scenario import Scenario
 
-LONGEST_HORIZON = 2000  # stages; the horizon of a log from elsewhere could ask for any amount of memory
-MOST_SUBSTEPS = 1000
 MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")
 """Figures of a summary that depend on the machine."""
 
@@ -58,30 +56,6 @@ class Verdict:
         return self.agrees and self.whole and self.comparison.identical
 
 
-def scenario_of(log: Log) -> Scenario:
-    """The scenario of a log.
-
-    Raises:
-        UserError: it is missing, not legal, or asks for more than a run from elsewhere may.
-    """
-    if "scenario.toml" not in log.attachments:
-        raise UserError(f"{log.path} has no attachment scenario.toml: it cannot be run again")
-    try:
-        scenario = from_toml(log.attachments["scenario.toml"][1].decode("utf-8"))
-    except UnicodeDecodeError:
-        raise UserError(f"{log.path}: scenario.toml is not UTF-8 text") from None
-    horizon = scenario.controller.horizon
-    if horizon > LONGEST_HORIZON:
-        raise UserError(
-            f"{log.path}: controller.horizon = {horizon} ticks: at most {LONGEST_HORIZON} are run again"
-        )
-    if scenario.substeps > MOST_SUBSTEPS:
-        raise UserError(
-            f"{log.path}: {scenario.substeps} physics steps a tick: at most {MOST_SUBSTEPS} are run again"
-        )
-    return scenario
-
-
 def version_changes(log: Log) -> list[str]:
     """What differs between the program that wrote a log and this one, a sentence each."""
     run = log.metadata.get("run", {})
@@ -114,9 +88,7 @@ def replay(log: Log, *, progress: Progress | None = None) -> Verdict:
     ticks = len(log.channel("/plant/state")) if "/plant/state" in log.channels else 0
     result = log.metadata.get("result", {})
     whole = log.complete and "recovery" not in log.metadata and "result" in log.metadata
-    reason = (
-        result.get("message", "") if result.get("outcome") == Outcome.INTERRUPTED.value else "the log ends here"
-    )
+    reason = result.get("message", "") if result.get("outcome") == Outcome.INTERRUPTED.value else "the log ends here"
     with tempfile.TemporaryDirectory(prefix="cmpc-") as folder, unpacked(scenario, log.attachments) as files:
         again = Path(folder) / "again.mcap"
         failure = ""
