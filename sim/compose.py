@@ -25,6 +25,7 @@ from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
 from sim.scenario import ControllerSettings, Scenario, to_toml
+from sim.viewer import check_display, viewer
 
 FIRST_STANCE = "left"
 
@@ -122,6 +123,7 @@ def run_scenario(
     progress: Progress | None = None,
     stop: Stop | None = None,
     files: ModelFiles | None = None,
+    view: bool = False,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -131,10 +133,13 @@ def run_scenario(
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
         files: Model files to use instead of those the scenario names, such as those of a log.
+        view: Whether to show it in MuJoCo's window, no faster than real time.
 
     Raises:
-        UserError: a file or a setting is not legal, or the log can not be written.
+        UserError: a file or a setting is not legal, the log can not be written, or there is no display.
     """
+    if view:
+        check_display()
     files = files or ModelFiles.of(scenario)
     belief = load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief)
@@ -144,17 +149,18 @@ def run_scenario(
     controller.reset(FIRST_STANCE)
 
     def loop(tape: NoTape | Recorder) -> RunSummary:
-        return Loop(
-            plant=plant,
-            controller=controller,
-            pushes=scenario.pushes,
-            com=plant.com,
-            stance=FIRST_STANCE,
-            steps=scenario.steps,
-            end_time=scenario.end_time,
-            tape=tape,
-            torque_limits=plant.torque_limits,
-        ).run(progress=progress, stop=stop, log=str(log) if log else "")
+        with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
+            return Loop(
+                plant=plant,
+                controller=controller,
+                pushes=scenario.pushes,
+                com=plant.com,
+                stance=FIRST_STANCE,
+                steps=scenario.steps,
+                end_time=scenario.end_time,
+                tape=tape,
+                torque_limits=plant.torque_limits,
+            ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
         return loop(NoTape())

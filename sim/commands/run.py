@@ -45,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
     else:
         log = Path(found.log) if found.log is not None else default_log(scenario)
         check_new_log(log)
-    return _run(scenario, log, json=found.json, quiet=found.quiet)
+    return _run(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
 
 
 def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
@@ -63,6 +63,7 @@ def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
     where = own.add_mutually_exclusive_group()
     where.add_argument("--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>.mcap)")
     where.add_argument("--no-log", action="store_true", help="write no log")
+    own.add_argument("--viewer", action="store_true", help="show the run in MuJoCo's window, no faster than real time")
     own.add_argument("--json", action="store_true", help="print the summary as one JSON object, and no bar")
     own.add_argument("--quiet", action="store_true", help="show no progress bar")
     flags.add_settings(parser, scenario, argv)
@@ -102,13 +103,13 @@ def check_new_log(path: Path) -> None:
         raise UserError(f"--log {path}: cannot be written: {error.strerror}") from error
 
 
-def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool) -> int:
+def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
     from sim.compose import run_scenario
     from sim.interrupt import stop_on_signal
     from sim.progress import progress_bar
 
     with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
-        summary = run_scenario(scenario, log=log, progress=show, stop=stop)
+        summary = run_scenario(scenario, log=log, progress=show, stop=stop, view=view)
     print_summary(summary, scenario, json=json)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
