@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from foxglove_schemas_protobuf.Log_pb2 import Log as Event
 from numpy.typing import NDArray
 
 from sim.log_reader import Log
 from sim.recorder.fields import CHANNELS
+from sim.recorder.layout import HEADER
 
 PER_TICK = frozenset(channel.topic for channel in CHANNELS)
 WALL_TIME = ("/timing",)
@@ -113,11 +115,28 @@ def _channel(a: Log, b: Log, topic: str, last_tick: int | None) -> ChannelCompar
         first, largest = _compare_rows(topic, rows_a, rows_b)
         counts = (len(rows_a), len(rows_b))
     else:
-        records = [[r for r in log.records(topic) if last_tick is None or _tick(r) < last_tick] for log in (a, b)]
+        records = [
+            [
+                r
+                for r in log.records(topic)
+                if (last_tick is None or _tick(r) < last_tick) and not _is_headline(topic, r)
+            ]
+            for log in (a, b)
+        ]
         first, largest = _compare_records(topic, records[0], records[1]), {}
         counts = (len(records[0]), len(records[1]))
     units = {**b.units(topic), **a.units(topic)}
     return ChannelComparison(topic=topic, counts=(counts[0], counts[1]), first=first, largest=largest, units=units)
+
+
+def _is_headline(topic: str, record: bytes) -> bool:
+    """Whether a message is the event that names scenario and versions: those are told apart elsewhere."""
+    if topic != "/events":
+        return False
+    try:
+        return bool(Event.FromString(record[HEADER:]).name == "run")
+    except Exception:  # not readable: compared as bytes
+        return False
 
 
 def _until(rows: NDArray[Any], last_tick: int | None) -> NDArray[Any]:

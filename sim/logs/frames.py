@@ -89,6 +89,38 @@ class Event:
     message: str
 
 
+class Frames(Mapping[str, Frame]):
+    """Topic -> frame, of every channel that is a table; each is decoded when it is first asked for."""
+
+    def __init__(self, log: Log) -> None:
+        """Args: log: where the messages are."""
+        self._log = log
+        self._fixed = {topic: log.has_layout(topic) for topic in log.channels}
+        self._topics = [topic for topic, fixed in self._fixed.items() if fixed or log.units(topic)]
+        self._known: dict[str, Frame] = {}
+
+    def __getitem__(self, topic: str) -> Frame:
+        """The frame of a channel.
+
+        Raises:
+            UserError: there is none of that topic, or it is no table.
+        """
+        if topic not in self._topics:
+            raise UserError(f"{self._log.path}: no frame {topic!r}; there are {', '.join(self._topics)}")
+        if topic not in self._known:
+            self._known[topic] = (_fixed_frame if self._fixed[topic] else _series_frame)(self._log, topic)
+        return self._known[topic]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._topics)
+
+    def __len__(self) -> int:
+        return len(self._topics)
+
+    def __contains__(self, topic: object) -> bool:
+        return topic in self._topics
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
     """A log as frames.
@@ -100,7 +132,7 @@ class Run:
     """
 
     log: Log
-    frames: Mapping[str, Frame] = field(repr=False)
+    frames: Frames = field(repr=False)
     events: tuple[Event, ...] = field(repr=False)
 
     def __getitem__(self, topic: str) -> Frame:
@@ -109,8 +141,6 @@ class Run:
         Raises:
             UserError: there is none of that topic, or it is no table.
         """
-        if topic not in self.frames:
-            raise UserError(f"{self.log.path}: no frame {topic!r}; there are {', '.join(self.frames)}")
         return self.frames[topic]
 
     @property
@@ -152,13 +182,7 @@ def load(path: Path | str) -> Run:
 
 def run_of(log: Log) -> Run:
     """The frames of a log that is in memory."""
-    frames = {}
-    for topic in log.channels:
-        if log.has_layout(topic):
-            frames[topic] = _fixed_frame(log, topic)
-        elif log.units(topic):
-            frames[topic] = _series_frame(log, topic)
-    return Run(log=log, frames=frames, events=tuple(_events(log)) if EVENTS in log.channels else ())
+    return Run(log=log, frames=Frames(log), events=tuple(_events(log)) if EVENTS in log.channels else ())
 
 
 def _fixed_frame(log: Log, topic: str) -> Frame:

@@ -127,7 +127,7 @@ def _number(text: str) -> float:
 
 def _horizon(run: Run) -> dict[str, Any] | None:
     """The MPC's predictions as one array (time, series, stage)."""
-    frame = run.frames.get("/prediction")
+    frame = run.frames["/prediction"] if "/prediction" in run.frames else None
     if frame is None or not len(frame.t):
         return None
     series = [f"y.{name}" for name in OUTPUTS] + ["contact_force.normal", "contact_force.tangential"]

@@ -21,7 +21,7 @@ function number(value) {
   if (!Number.isFinite(value)) return "–";
   if (Number.isInteger(value) && Math.abs(value) < 1e6) return String(value).replace("-", "−");
   const size = Math.abs(value);
-  if (size >= 1e5 || (size < 1e-3 && size > 0)) return value.toExponential(2).replace("-", "−").replace("e+", "e");
+  if (size >= 1e5 || (size < 1e-3 && size > 0)) return value.toExponential(2).replaceAll("-", "−").replace("e+", "e");
   return value.toFixed(size >= 100 ? 1 : size >= 10 ? 2 : size >= 1 ? 3 : 4).replace("-", "−");
 }
 
@@ -165,7 +165,7 @@ class Plot {
     g.setLineDash([7, 4]); g.strokeStyle = css("bad"); g.fillStyle = css("bad"); g.textAlign = "right"; g.font = "10px system-ui, sans-serif";
     for (const limit of this.limits()) {
       const y = this.py(limit.value); g.globalAlpha = 0.8; g.beginPath(); g.moveTo(inner.x, y); g.lineTo(inner.x + inner.w, y); g.stroke();
-      if (limit.label) g.fillText(limit.label + " " + limit.value, inner.x + inner.w - 3, y - 7);
+      if (limit.label) g.fillText(limit.label + " " + limit.value, inner.x + inner.w - 3, y < inner.y + 14 ? y + 8 : y - 7);
     }
     g.setLineDash([]); g.globalAlpha = 1; g.lineJoin = "round";
     for (const one of lines) this.stroke(g, one, this.panel.x ? 0.55 : 1);
