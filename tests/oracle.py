@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Unpinned coordinates q_e = (hip x, hip z, torso, left hip, left knee, right hip, right knee) as Pinocchio has them;
+# Unpinned coordinates q_e = (hip x, hip z, torso, left hip, left knee, right hip, right knee), Pinocchio's order;
 # the paper's q = (stance hip, swing hip, stance knee, swing knee, torso).
 FROM_UNPINNED = [3, 5, 4, 6, 2]
 HIP = slice(0, 2)

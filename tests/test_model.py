@@ -44,7 +44,7 @@ def test_input_matrix_leaves_the_torso_unactuated(model):
 
 
 def test_work_is_energy_without_damping(model, walker, gait):
-    """Over 0.3 s of a fourth-order integration the energy grows by the work of the torques; halving gains 16 times."""
+    """Over 0.3 s energy grows by the work of the torques; halving Runge-Kutta's step gains 16 times."""
     undamped = lump(model.torso, model.femur, model.tibia, np.zeros(4), 9.81)
     free = WalkerModel(model.path)
     free.lumped = undamped

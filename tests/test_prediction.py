@@ -82,7 +82,7 @@ def test_sampling_is_of_first_order_overall_and_of_second_and_third_in_a_step(mo
     def flow(x):
         return np.concatenate([x[DQ], zero_dynamics_pd(model, gait, gains, x[Q], x[DQ]).ddq])
 
-    x0 = np.concatenate([at_start.q + [0.02, -0.03, 0.04, 0.02, 0.01], at_start.dq])
+    x0 = np.concatenate([at_start.q + np.array([0.02, -0.03, 0.04, 0.02, 0.01]), at_start.dq])
     duration = 0.08  # [s]
     exact = oracle.runge_kutta(flow, x0, duration, 800)
 
@@ -125,7 +125,7 @@ def test_a_faster_walker_lands_sooner(model, gait, gains, before_impact):
 
 
 def test_the_gait_predicts_itself(model, gait, gains, at_start):
-    """On the paper's gait the first step lasts some 0.52 s and is 0.40 m long, its errors within the table's decimals."""
+    """The paper's gait: a first step of some 0.52 s and 0.40 m, its errors those of the table's decimals."""
     horizon = predict(model, gait, gains, at_start, 600, T)
     assert 0.50 < horizon.impact_in * T < 0.55
     landed = horizon.x[horizon.impact_in]

@@ -15,7 +15,7 @@ def y_of(gait, q):
 
 
 def test_torque_makes_the_outputs_accelerate_by_v(model, walker, gait, gains, walking_states):
-    """Second differences of y along the parabola q + h dq + h^2/2 ddq, with ddq from Pinocchio, are v of Eq. (9)."""
+    """Second differences of y along q + h dq + h^2/2 ddq, with ddq from Pinocchio, are v of Eq. (9)."""
     h = 1e-4  # [s]
     for q, dq in walking_states(100, spread=0.05):
         step = zero_dynamics_pd(model, gait, gains, q, dq)
