@@ -40,5 +40,5 @@ $(STAMP): pyproject.toml constraints.txt
 				"give one with PYTHON=/path/to/python3" >&2; exit 1; }; \
 		echo "Making .venv with $$($(PYTHON) --version); this takes a few minutes, once."; \
 		$(PYTHON) -m venv --clear .venv; }
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev]"
 	@touch $@

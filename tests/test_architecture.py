@@ -82,7 +82,9 @@ def test_every_equation_has_exactly_one_home(homes):
 
 
 def test_the_table_of_equations_says_where_they_are(homes):
-    rows = re.findall(r"^\| \((\d+)\) \|.*\| `([\w.]+)` \| ([\w./]+) \|$", (CONTROLLER / "equations.md").read_text(), re.M)
+    rows = re.findall(
+        r"^\| \((\d+)\) \|.*\| `([\w.]+)` \| ([\w./]+) \|$", (CONTROLLER / "equations.md").read_text(), re.M
+    )
     table = [(int(number), name, file) for number, name, file in rows]
     assert [row[0] for row in table] == list(EQUATIONS)
     assert sorted(table) == sorted(home for home in homes if home[0] in EQUATIONS)
