@@ -71,9 +71,7 @@ class Clockwork:
         contact = [False, False]
         contact[stance] = True
         hip = 0.2 if self.falls_at is not None and self.k >= self.falls_at else 0.75
-        return plant_state(
-            t=self.k * PERIOD, foot=feet, contact=tuple(contact), hip=np.array([feet[stance, 0], hip])
-        )
+        return plant_state(t=self.k * PERIOD, foot=feet, contact=tuple(contact), hip=np.array([feet[stance, 0], hip]))
 
     def observe(self):
         return Observation(t=self.k * PERIOD, q=np.zeros(5), dq=np.zeros(5), contact=self.state().contact)

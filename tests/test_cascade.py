@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from controller.cascade import CascadedMpc, Friction, Weights, build_problem
 from controller.prediction import predict
-from controller.qp import failed, make_solver
+from controller.qp import ROWS, failed
 from controller.records import Leg, StanceState
+from controller.solvers import make_solver
 from sim.interface import Observation
 from sim.scenario import ControllerSettings
 
@@ -31,6 +32,11 @@ def horizon_at(model, gait, gains, q, dq, N):
     return predict(model, gait, gains, StanceState(q=q, dq=dq, leg=Leg.LEFT), N, T)
 
 
+def solve(problem):
+    N, r = problem.limits.shape
+    return make_solver(SOLVER, N, r).solve(problem)
+
+
 def seen(q, dq, contact=(True, False)):
     return Observation(t=0.0, q=q, dq=dq, contact=contact)
 
@@ -44,7 +50,7 @@ def cascade(model, gait, gains, *, solver=None, N=20, friction=FRICTION):
         T=T,
         weights=Weights.of_paper(gains, T),
         friction=friction,
-        solver=solver or make_solver(SOLVER, N),
+        solver=solver or make_solver(SOLVER, N, ROWS if friction else 0),
     )
     found.reset("left")
     return found
@@ -107,7 +113,7 @@ def test_where_nothing_binds_the_answer_is_that_of_the_normal_equations(model, w
         M, alpha, _ = condensed(walker, horizon, weights)
         free = np.linalg.solve(M, -alpha).reshape(N, 4)
         problem = build_problem(horizon, weights, np.full(4, 1e4), None)
-        solution = make_solver(SOLVER, N).solve(problem)
+        solution = solve(problem)
         assert solution.found and np.abs(free).max() < 9e3
         assert solution.u == pytest.approx(free, rel=1e-4, abs=1e-4 * np.abs(free).max())
 
@@ -118,7 +124,7 @@ def test_without_errors_the_mpc_stays_silent(model, gait, gains, weights):
     horizon = dataclasses.replace(horizon, y=0 * horizon.y, dy=0 * horizon.dy)
     problem = build_problem(horizon, weights, model.torque_limits, FRICTION)
     assert not problem.softening(np.zeros((20, 4))).any()
-    assert np.abs(make_solver(SOLVER, 20).solve(problem).u).max() < 1e-4
+    assert np.abs(solve(problem).u).max() < 1e-4
 
 
 # Rows and box, Eqs. (18)-(22)
@@ -165,7 +171,7 @@ def test_rows_keep_the_planned_force_in_the_cone(model, walker, gait, gains, wei
         def excess(friction, horizon=horizon):
             """[N] of the worst stage."""
             problem = build_problem(horizon, weights, model.torque_limits, friction)
-            U = horizon.u + make_solver(SOLVER, N).solve(problem).u
+            U = horizon.u + solve(problem).u
             forces = [walker.stance_force(x[:5], x[5:], u)[0] for x, u in zip(horizon.x[:-1], U, strict=True)]
             return max(abs(tangential) - mu * normal for tangential, normal in forces)
 
@@ -206,7 +212,7 @@ def test_tick_is_the_sum_of_its_parts(model, walker, gait, gains, weights, walki
     for q, dq in walking_states(5, spread=0.02):
         step = controller.step(seen(q, dq))
         horizon = horizon_at(model, gait, gains, q, dq, N)
-        solution = make_solver(SOLVER, N).solve(build_problem(horizon, weights, model.torque_limits, FRICTION))
+        solution = solve(build_problem(horizon, weights, model.torque_limits, FRICTION))
         assert step.status == "optimal" and not step.fallback
         assert step.u_zd == pytest.approx(horizon.u[0])
         assert step.u_mpc == pytest.approx(solution.u[0], abs=1e-3)
@@ -231,6 +237,9 @@ class NoAnswer:
 
     def __init__(self, N):
         self.N, self.calls = N, 0
+
+    def reset(self):
+        self.calls = 0
 
     def solve(self, problem):
         self.calls += 1

@@ -162,6 +162,9 @@ def test_a_solver_that_never_answers_walks_on_zd_pd_and_is_counted(tmp_path, mon
     from controller.qp import failed
 
     class Mute:
+        def reset(self):
+            pass
+
         def solve(self, problem):
             return failed(SHORT.controller.horizon, "no-solution")
 

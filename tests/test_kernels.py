@@ -77,30 +77,6 @@ def test_impact_is_the_kkt_system_of_the_unpinned_walker(model, walker, states):
     assert all(np.array_equal(a, b) for (a, _), (b, _) in zip(ours, theirs, strict=True))
 
 
-def test_elimination_pivots():
-    """A zero in the corner, and a singular matrix which gives no exception but nothing finite."""
-    A = np.array([[0.0, 2, 0, 1], [1, 0, 3, 0], [0, 1, 0, 4], [2, 0, 1, 0]])
-    b = np.array([1.0, 2, 3, 4])
-    x = b.copy()
-    kernels.eliminate(A.copy(), x)
-    assert A @ x == pytest.approx(b, abs=1e-12)
-    singular = np.ones((4, 4))
-    kernels.eliminate(singular, b)
-    assert not np.isfinite(b).all()
-
-
-def test_cholesky_solves(states, model):
-    rng = np.random.default_rng(2)
-    for q, dq in states[:20]:
-        D = model.dynamics(q, dq).D
-        x = rng.normal(size=5)
-        L, solved = D.copy(), x.copy()
-        kernels.cholesky(L)
-        kernels.cholesky_solve(L, solved)
-        assert D @ solved == pytest.approx(x, abs=1e-11)
-        assert np.tril(L) @ np.tril(L).T == pytest.approx(D, abs=1e-12)
-
-
 def test_link_angles_and_back(states):
     phi, back = np.empty(5), np.empty(5)
     for q, _ in states[:20]:

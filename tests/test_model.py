@@ -32,9 +32,7 @@ def test_inertia_rate_minus_twice_coriolis_is_skew(model, random_states):
 def test_gravity_is_the_slope_of_potential_energy(model, walker, random_states):
     h = 1e-6
     for q, dq in random_states(50, seed=3):
-        slope = [
-            (walker.energies(q + h * e, dq)[1] - walker.energies(q - h * e, dq)[1]) / (2 * h) for e in np.eye(5)
-        ]
+        slope = [(walker.energies(q + h * e, dq)[1] - walker.energies(q - h * e, dq)[1]) / (2 * h) for e in np.eye(5)]
         assert model.dynamics(q, dq).G == pytest.approx(slope, abs=1e-6 * 32 * 9.81)
 
 

@@ -42,9 +42,7 @@ def euler(model, gait, gains, x):
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.05])
-def test_every_stage_is_one_step_of_the_law_or_that_and_an_impact(
-    model, walker, gait, gains, before_impact, offset
-):
+def test_every_stage_is_one_step_of_the_law_or_that_and_an_impact(model, walker, gait, gains, before_impact, offset):
     torso = np.array([0, 0, 0, 0, offset])
     horizon = predict(model, gait, gains, state(before_impact.q + torso, before_impact.dq), N, T)
     assert horizon.exchange.any()

@@ -10,8 +10,9 @@ import qpsolvers
 from controller.cascade import Friction, Weights, build_problem
 from controller.errors import ControllerInputError
 from controller.prediction import predict
-from controller.qp import StageQP, failed, make_solver
+from controller.qp import StageQP, failed
 from controller.records import Leg, StanceState
+from controller.solvers import make_solver
 from sim.scenario import ControllerSettings
 
 N, T = 20, 1e-3
@@ -33,6 +34,11 @@ def problems(model, gait, gains, walking_states) -> list[StageQP]:
     found = [problem_at(model, gait, gains, q, dq) for q, dq in states]
     slippery = [problem_at(model, gait, gains, q, dq, mu=0.25) for q, dq in walking_states(8, spread=0.05)]
     return found + slippery
+
+
+def solver_for(name, problem):
+    N, r = problem.limits.shape
+    return make_solver(name, N, r)
 
 
 def gradient(problem: StageQP, u):
@@ -62,7 +68,7 @@ def gain(problem: StageQP, u):
 @pytest.mark.parametrize("name", SOLVERS)
 def test_answers_are_optimal_to_a_bound(problems, name):
     """F is convex, so no point v of the box is better than u by more than max over v of grad f(u) (u - v)."""
-    solver = make_solver(name, N)
+    solver = solver_for(name, problems[0])
     at_bound = rows_bind = 0
     for problem in problems:
         solution = solver.solve(problem)
@@ -81,7 +87,7 @@ def test_answers_are_optimal_to_a_bound(problems, name):
 def test_no_neighbour_is_better(problems, name):
     rng = np.random.default_rng(1)
     for problem in problems:
-        u = make_solver(name, N).solve(problem).u
+        u = solver_for(name, problem).solve(problem).u
         for size in (1e-2, 1.0):
             other = np.clip(u + size * rng.normal(size=(N, 4)), problem.lower, problem.upper)
             assert problem.objective(other) > problem.objective(u) - 1e-6 * gain(problem, u)
@@ -89,7 +95,7 @@ def test_no_neighbour_is_better(problems, name):
 
 def test_solvers_agree(problems):
     for problem in problems:
-        answers = [make_solver(name, N).solve(problem).u for name in SOLVERS]
+        answers = [solver_for(name, problem).solve(problem).u for name in SOLVERS]
         costs = [problem.objective(u) for u in answers]
         assert max(costs) - min(costs) <= 1e-5 * gain(problem, answers[0])
         for u in answers[1:]:
@@ -102,8 +108,8 @@ def test_an_active_set_solver_agrees_where_it_manages(model, gait, gains):
     problem = problem_at(model, gait, gains, *gait.post_impact(model), mu=None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # qpsolvers says that it makes the matrices dense
-        theirs = make_solver("daqp", N).solve(problem)
-    ours = make_solver(DEFAULT, N).solve(problem)
+        theirs = solver_for("daqp", problem).solve(problem)
+    ours = solver_for(DEFAULT, problem).solve(problem)
     assert theirs.found
     assert ours.u == pytest.approx(theirs.u, abs=1e-2)
 
@@ -111,7 +117,7 @@ def test_an_active_set_solver_agrees_where_it_manages(model, gait, gains):
 @pytest.mark.parametrize("name", SOLVERS)
 def test_softening_and_active_constraints_are_reported(problems, name):
     for problem in problems:
-        solution = make_solver(name, N).solve(problem)
+        solution = solver_for(name, problem).solve(problem)
         assert solution.slack == pytest.approx(problem.softening(solution.u).max(), abs=1e-6)
         bound = np.minimum(solution.u - problem.lower, problem.upper - solution.u) < 1e-4
         assert solution.active >= bound.sum()
@@ -123,7 +129,7 @@ def test_softening_and_active_constraints_are_reported(problems, name):
 @pytest.mark.filterwarnings("ignore")
 def test_no_answer_is_said_to_be_none(problems, name):
     """A box without inside, and numbers that are none: found is False, torques are zeros, nothing is raised."""
-    solver, good = make_solver(name, N), problems[0]
+    solver, good = solver_for(name, problems[0]), problems[0]
     empty = dataclasses.replace(good, lower=good.upper + 1.0)
     nan = dataclasses.replace(good, linear=np.full_like(good.linear, np.nan))
     for problem in (empty, nan):
@@ -140,12 +146,12 @@ def test_failed_must_not_be_used():
 
 
 def test_an_unknown_solver_is_refused_with_the_known_ones():
-    with pytest.raises(ControllerInputError, match=r"controller\.solver = 'cplexx'.*clarabel.*piqp"):
-        make_solver("cplexx", N)
+    with pytest.raises(ControllerInputError, match=r"controller\.solver = 'cplexx'.*riccati.*clarabel.*piqp"):
+        make_solver("cplexx", N, 3)
 
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_same_problem_same_bytes(problems, name):
     for problem in problems[:3]:
-        first, second = (make_solver(name, N).solve(problem).u for _ in range(2))
+        first, second = (solver_for(name, problem).solve(problem).u for _ in range(2))
         assert first.tobytes() == second.tobytes()
