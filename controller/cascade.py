@@ -87,7 +87,10 @@ class CascadedMpc:
         self.solver.reset()
 
     def step(self, observation: Observation) -> ControlStep:
-        """One tick, as listed in Sec. III.D."""
+        """One tick, as listed in Sec. III.D.
+
+        Implements: Eq. (23).
+        """
         state = self.stance.update(observation)  # which leg stands
         horizon = predict(self.model, self.gait, self.gains, state, self.N, self.T)  # Eqs. (10)-(13)
         if horizon.is_finite:

@@ -2,7 +2,7 @@
 
 The problem of Eq. (22) in its own structure. With w_k the MPC's share of the output rates at stage k,
 
-    minimise   1/2 sum_{k=1..N} w_k' diag(W_k) w_k + 2 l_k' w_k  +  1/2 sum_{k=0..N-1} u_k' diag(R) u_k
+    minimise   1/2 sum_{k=1..N} w_k' diag(W_k) w_k + l_k' w_k  +  1/2 sum_{k=0..N-1} u_k' diag(R) u_k
                + rho/2 sum_k |max(0, E_k u_k - d_k)|^2
     subject to w_0 = 0, w_{k+1} = w_k + M_k u_k,  lower_k <= u_k <= upper_k,
 
