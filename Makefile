@@ -23,8 +23,8 @@ check: $(STAMP)  ## lint, format, types and import contracts
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
 
-bench: $(STAMP)  ## how long a control tick takes: undisturbed walking under C-MPC
-	@$(BIN)/cmpc run undisturbed --controller c-mpc --no-log $(ARGS)
+bench: $(STAMP)  ## measure ticks, solves and runs against their targets, or ARGS="--quick"
+	@$(BIN)/cmpc bench $(ARGS)
 
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -149,7 +149,7 @@ def test_a_crash_in_mid_run_leaves_a_readable_log(tmp_path, monkeypatch):
             return self.inner.step(observation)
 
     build = compose.build_controller
-    monkeypatch.setattr(compose, "build_controller", lambda *args: Crashing(build(*args)))
+    monkeypatch.setattr(compose, "build_controller", lambda *args, **named: Crashing(build(*args, **named)))
     with pytest.raises(ZeroDivisionError):
         run(with_value(SHORT, "controller.kind", "zd-pd"), tmp_path / "x.mcap")
     log = read_log(tmp_path / "x.mcap")
