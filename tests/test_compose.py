@@ -141,6 +141,7 @@ def test_a_crash_in_mid_run_leaves_a_readable_log(tmp_path, monkeypatch):
 
         def reset(self, stance):
             self.inner.reset(stance)
+            self.k = 0
 
         def step(self, observation):
             self.k += 1
