@@ -106,7 +106,7 @@ def test_softening_and_active_constraints_are_reported(problems, name):
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.filterwarnings("error")
 def test_no_answer_is_said_to_be_none(problems, name):
-    """A box without inside, and numbers that are none: found is False, torques are zeros, nothing raised or warned of."""
+    """A box without inside, and numbers that are none: found is False, torques are zeros, nothing is raised."""
     solver, good = solver_for(name, problems[0]), problems[0]
     empty = dataclasses.replace(good, lower=good.upper + 1.0)
     nan = dataclasses.replace(good, linear=np.full_like(good.linear, np.nan))
