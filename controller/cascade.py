@@ -7,7 +7,7 @@ import numpy as np
 from controller import kernels
 from controller.gait import Gait
 from controller.model import WalkerModel
-from controller.prediction import Horizon, Plan, predict
+from controller.prediction import CorrectedHorizon, Horizon, predict
 from controller.qp import ROWS, Solver, StageQP, failed
 from controller.records import ControlStep, Observation, Vector
 from controller.stance import StanceEstimator
@@ -87,7 +87,10 @@ class CascadedMpc:
         self.solver.reset()
 
     def step(self, observation: Observation) -> ControlStep:
-        """One tick, as listed in Sec. III.D."""
+        """One tick, as listed in Sec. III.D.
+
+        Implements: Eq. (23).
+        """
         state = self.stance.update(observation)  # which leg stands
         horizon = predict(self.model, self.gait, self.gains, state, self.N, self.T)  # Eqs. (10)-(13)
         if horizon.is_finite:
@@ -121,7 +124,7 @@ class CascadedMpc:
             slack=solution.slack,
             active=solution.active,
             solve_s=solution.solve_s,
-            plan=Plan(horizon=horizon, u_mpc=solution.u) if solution.found else None,
+            plan=CorrectedHorizon(horizon=horizon, u_mpc=solution.u) if solution.found else None,
         )
 
 

@@ -1,7 +1,4 @@
-"""A gait: Bezier outputs h_d over the internal clock theta, and the file it comes from.
-
-Implements: Eq. (5) (the outputs) and the clock theta = c q below it.
-"""
+"""A gait: Bezier outputs h_d over the internal clock theta, and the file it comes from."""
 
 import tomllib
 from dataclasses import dataclass
@@ -21,7 +18,9 @@ _N_Q, _N_U = kernels.N_Q, kernels.N_U
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gait:
-    """One periodic step.
+    """One periodic step: the h_d and the clock theta = c q of the outputs y = h_0(q) - h_d(theta).
+
+    Implements: Eq. (5).
 
     Attributes:
         name: Name in messages and logs.

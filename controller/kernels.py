@@ -13,6 +13,7 @@ units. Small loops are written out because LAPACK calls cost more than the arith
 """
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -347,6 +348,19 @@ def stance_force(walker: Walker, stage: Stage, force: Array) -> None:
 
 
 @compiled
+def zero_dynamics(
+    walker: Walker, gait: GaitTable, gains: Gains, q: Array, dq: Array
+) -> tuple[float, float, Array, Array, Array, Array, Array]:
+    """The closed loop at one state: theta and its rate, u, y, dy, ddq, and the stance force under u."""
+    stage = new_stage()
+    force = np.empty(2)
+    place(q, dq, stage)
+    theta, dtheta = closed_loop(walker, gait, gains, q, dq, stage)
+    stance_force(walker, stage, force)
+    return theta, dtheta, stage.u, stage.y, stage.dy, stage.ddq, force
+
+
+@compiled
 def stance_force_per_torque(walker: Walker, stage: Stage, per_torque: Array) -> None:
     """dF/du = -S_MPC of Eq. (20) in [1/m], (2, 4), after `responses`."""
     for j in range(N_U):
@@ -455,3 +469,9 @@ def rollout(
         out.y[N, i] = stage.y[i]
         out.dy[N, i] = stage.dy[i]
     return theta0, dtheta0
+
+
+def on_disk() -> bool:
+    """Whether compiled kernels lie in the cache beside the source (or where NUMBA_CACHE_DIR says)."""
+    folder = rollout.stats.cache_path
+    return folder is not None and any(Path(folder).glob(f"{Path(__file__).stem}.rollout-*.nbc"))

@@ -123,7 +123,7 @@ class WalkerModel:
     def stance_force(self, q: Vector, dq: Vector, u: Vector) -> tuple[Vector, Vector]:
         """Stance contact force and its change per torque.
 
-        Implements: Eqs. (18)-(20).
+        Implements: Eqs. (18), (20).
 
         Args:
             q: Coordinates in [rad], (5,).

@@ -72,7 +72,7 @@ class Horizon:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan:
+class CorrectedHorizon:
     """A horizon and the MPC's torques over it; worked out only when somebody looks.
 
     Attributes:
@@ -95,7 +95,7 @@ class Plan:
 def predict(model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceState, N: int, T: float) -> Horizon:
     """Simulate the closed loop under ZD+PD from the measured state, u_tilde = 0.
 
-    Implements: Eqs. (10)-(13).
+    Implements: Eqs. (4), (10)-(13).
 
     Args:
         model: The walker believed in.

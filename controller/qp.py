@@ -2,7 +2,7 @@
 
 The problem of Eq. (22) in its own structure. With w_k the MPC's share of the output rates at stage k,
 
-    minimise   1/2 sum_{k=1..N} w_k' diag(W_k) w_k + 2 l_k' w_k  +  1/2 sum_{k=0..N-1} u_k' diag(R) u_k
+    minimise   1/2 sum_{k=1..N} w_k' diag(W_k) w_k + l_k' w_k  +  1/2 sum_{k=0..N-1} u_k' diag(R) u_k
                + rho/2 sum_k |max(0, E_k u_k - d_k)|^2
     subject to w_0 = 0, w_{k+1} = w_k + M_k u_k,  lower_k <= u_k <= upper_k,
 
@@ -11,6 +11,7 @@ so the problem always has exactly one solution; the torque box is hard.
 """
 
 import time
+import warnings
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -179,7 +180,9 @@ class SparseSolver:
         start = time.perf_counter()
         qp = self.sparse_form(problem)
         try:
-            result = qpsolvers.solve_problem(qp, solver=self.name, **self._options)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # adapters warn of what the status says anyway
+                result = qpsolvers.solve_problem(qp, solver=self.name, **self._options)
         except qpsolvers.exceptions.QPError:
             return failed(self._N, "solver-error", time.perf_counter() - start)
         elapsed = time.perf_counter() - start

@@ -7,13 +7,10 @@ controller and in *body order* (left hip, right hip, left knee, right knee) at i
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from controller.prediction import Plan
 
 Vector = NDArray[np.float64]
 
@@ -90,6 +87,16 @@ class StanceState:
     leg: Leg
 
 
+class Plan(Protocol):
+    """What a controller expects over its horizon; worked out only when somebody looks."""
+
+    def outputs(self) -> Vector:
+        """Predicted outputs in [rad], (N + 1, 4), stance order of each stage."""
+
+    def contact_forces(self) -> Vector:
+        """Predicted stance contact forces, (tangential, normal) in [N], (N, 2)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ControlStep:
     """What a controller decided in one tick; joint vectors in body order, outputs in stance order.
@@ -109,7 +116,7 @@ class ControlStep:
         status: "zd-pd", "optimal", or why the tick fell back to saturated ZD+PD.
         fallback: Whether it did.
         iterations: Solver iterations.
-        residuals: Stationarity, feasibility and complementarity residuals of the scaled problem, (3,).
+        residuals: Feasibility, stationarity and complementarity residuals of the solved problem, (3,).
         slack: Largest softening of a contact-force row over the horizon in [N].
         active: Active constraints over the horizon.
         solve_s: Wall time in the solver in [s].
@@ -134,4 +141,4 @@ class ControlStep:
     slack: float
     active: int
     solve_s: float
-    plan: "Plan | None" = None
+    plan: Plan | None = None

@@ -69,7 +69,7 @@ class RiccatiSolver:
         state = self._state
         iterations, self._hard = advance(p, state, self._hard)
         stationarity, feasibility, complementarity, slack, active = residuals(p, state.u, state.gradient)
-        if not stationarity <= STATIONARY:  # NaN counts as failed
+        if not (stationarity <= STATIONARY and feasibility <= AT_BOUND):  # NaN counts as failed
             return self._next_in_line(problem, started)
         return Solution(
             found=True,

@@ -1,7 +1,7 @@
 """The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,16 +10,17 @@ import numpy as np
 
 from controller import kernels
 from controller.cascade import CascadedMpc, Friction, Weights
+from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
 from controller.errors import ControllerInputError
 from controller.gait import Gait, load_gait
 from controller.model import WalkerModel
-from controller.qp import ROWS
+from controller.qp import ROWS, Solver
 from controller.solvers import make_solver
 from controller.zero_dynamics import ZeroDynamicsController
 from sim import provenance
 from sim.errors import UserError
-from sim.interface import Controller, Vector
-from sim.loop import Loop, NoTape, Progress, Stop
+from sim.interface import Controller, Observation, Vector
+from sim.loop import Loop, NoTape, Progress, Stop, Tape
 from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
@@ -27,7 +28,25 @@ from sim.recorder import Recorder, RunHeader
 from sim.scenario import ControllerSettings, Scenario, to_toml
 from sim.viewer import check_display, viewer
 
+__all__ = [
+    "Belief",
+    "ComparingSolver",
+    "build_controller",
+    "build_plant",
+    "compare_solvers",
+    "exact_clarabel",
+    "load_belief",
+    "make_solver",
+    "run_scenario",
+    "start_state",
+    "warm_up",
+]
+"""The solver parts are handed on to the benchmark, which must not know the controller itself."""
+
 FIRST_STANCE = "left"
+
+Announce = Callable[[str], None]
+"""Takes one line for the user."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +86,13 @@ def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
         return Belief(model=model, gait=load_gait(files.gait, model))
 
 
-def build_controller(settings: ControllerSettings, belief: Belief) -> Controller:
+def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
     """The controller a scenario asks for.
+
+    Args:
+        settings: Its settings.
+        belief: What it knows about the walker.
+        solver: Used instead of the one the settings name.
 
     Raises:
         UserError: unknown solver.
@@ -86,7 +110,7 @@ def build_controller(settings: ControllerSettings, belief: Belief) -> Controller
             T=settings.period,
             weights=Weights.of_paper(gains, settings.period),
             friction=friction if settings.friction_rows else None,
-            solver=make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
+            solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
 
 
@@ -116,6 +140,19 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
     return q, dq
 
 
+def warm_up(controller: Controller, observation: Observation, announce: Announce | None = None) -> None:
+    """Compile the controller's kernels, or load them from disk, so that no tick pays for it.
+
+    Args:
+        controller: To be warmed; reset it afterwards.
+        observation: Anything legal.
+        announce: Told a line for the user where compiling will take long.
+    """
+    if announce and not kernels.on_disk():
+        announce("compiling kernels, once, about 20 s")
+    controller.step(observation)
+
+
 def run_scenario(
     scenario: Scenario,
     *,
@@ -124,6 +161,9 @@ def run_scenario(
     stop: Stop | None = None,
     files: ModelFiles | None = None,
     view: bool = False,
+    announce: Announce | None = None,
+    solver: Solver | None = None,
+    tape: Tape | None = None,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -134,6 +174,9 @@ def run_scenario(
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
         files: Model files to use instead of those the scenario names, such as those of a log.
         view: Whether to show it in MuJoCo's window, no faster than real time.
+        announce: Told a line for the user before something long.
+        solver: Used instead of the one the scenario names.
+        tape: Takes ticks and events where no log is written.
 
     Raises:
         UserError: a file or a setting is not legal, the log can not be written, or there is no display.
@@ -142,13 +185,15 @@ def run_scenario(
         check_display()
     files = files or ModelFiles.of(scenario)
     belief = load_belief(scenario, files)
-    controller = build_controller(scenario.controller, belief)
+    controller = build_controller(scenario.controller, belief, solver=solver)
     plant = build_plant(scenario, files)
     q, dq = start_state(scenario, belief)
     plant.reset(q, dq, FIRST_STANCE)
     controller.reset(FIRST_STANCE)
+    warm_up(controller, plant.observe(), announce)
+    controller.reset(FIRST_STANCE)
 
-    def loop(tape: NoTape | Recorder) -> RunSummary:
+    def loop(tape: Tape) -> RunSummary:
         with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
             return Loop(
                 plant=plant,
@@ -163,7 +208,7 @@ def run_scenario(
             ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
-        return loop(NoTape())
+        return loop(tape or NoTape())
     with Recorder(log, _header(scenario, belief, files), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim import flags
-from sim.commands.run import check_new_log, default_log, print_summary
+from sim.commands.run import announce, check_new_log, default_log, print_summary
 from sim.errors import UserError
 from sim.scenario import Scenario
 
@@ -87,7 +87,7 @@ def _replay(log: "Log", scenario: Scenario, *, quiet: bool) -> int:
     from sim.review.replay import replay
 
     with progress_bar(scenario.steps, quiet=quiet) as show:
-        verdict = replay(log, progress=show)
+        verdict = replay(log, progress=show, announce=announce)
     for line in _differences(verdict):
         print(line)
     if verdict.identical:
@@ -124,6 +124,6 @@ def _rerun(log: "Log", changed: Scenario, target: Path | None, *, quiet: bool, j
     path = target or default_log(changed)
     check_new_log(path)
     with stop_on_signal() as stop, progress_bar(changed.steps, quiet=quiet or json) as show:
-        summary = rerun(log, changed, path, progress=show, stop=stop)
+        summary = rerun(log, changed, path, progress=show, stop=stop, announce=announce)
     print_summary(summary, changed, json=json)
     return 128 + stop.signum if stop.signum else 0

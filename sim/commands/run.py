@@ -109,11 +109,16 @@ def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view:
     from sim.progress import progress_bar
 
     with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
-        summary = run_scenario(scenario, log=log, progress=show, stop=stop, view=view)
+        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=announce, view=view)
     print_summary(summary, scenario, json=json)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
+
+
+def announce(line: str) -> None:
+    """Print a line for the user before something long."""
+    print(line, file=sys.stderr, flush=True)
 
 
 def print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:

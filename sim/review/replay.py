@@ -7,16 +7,15 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sim import provenance
-from sim.compose import run_scenario
+from sim.compose import Announce, run_scenario
 from sim.errors import UserError
 from sim.log_reader import Log, read_log
 from sim.logs.check import changed_attachments
 from sim.logs.compare import Comparison, compare
 from sim.logs.frames import parsed
-from sim.loop import Progress
+from sim.loop import Progress, Stop
 from sim.models import ModelFiles, scenario_of, unpacked
 from sim.outcome import Outcome, RunSummary
 from sim.scenario import Scenario
@@ -74,12 +73,13 @@ def version_changes(log: Log) -> list[str]:
     return found
 
 
-def replay(log: Log, *, progress: Progress | None = None) -> Verdict:
+def replay(log: Log, *, progress: Progress | None = None, announce: Announce | None = None) -> Verdict:
     """Run a log again as it was and compare.
 
     Args:
         log: A sound log; it may stop in the middle.
         progress: Told now and then the completed steps and the simulated time in [s].
+        announce: Told a line for the user before something long.
 
     Raises:
         UserError: the log does not hold what it takes.
@@ -94,7 +94,8 @@ def replay(log: Log, *, progress: Progress | None = None) -> Verdict:
         failure = ""
         summary: RunSummary | None = None
         try:
-            summary = run_scenario(scenario, log=again, progress=progress, stop=_after(ticks, reason), files=files)
+            stop = _after(ticks, reason)
+            summary = run_scenario(scenario, log=again, progress=progress, stop=stop, announce=announce, files=files)
         except UserError:
             raise
         except Exception as error:  # the run may have ended in this error; its log tells
@@ -112,7 +113,13 @@ def replay(log: Log, *, progress: Progress | None = None) -> Verdict:
 
 
 def rerun(
-    log: Log, changed: Scenario, target: Path | None, *, progress: Progress | None = None, stop: Any = None
+    log: Log,
+    changed: Scenario,
+    target: Path | None,
+    *,
+    progress: Progress | None = None,
+    stop: Stop | None = None,
+    announce: Announce | None = None,
 ) -> RunSummary:
     """Run the situation of a log with a change, into a new log.
 
@@ -122,6 +129,7 @@ def rerun(
         target: The new log; None for none.
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted.
+        announce: Told a line for the user before something long.
 
     Raises:
         UserError: the log does not hold what it takes, or a setting is not legal.
@@ -129,7 +137,7 @@ def rerun(
     before = scenario_of(log)
     own_files = (changed.walker, changed.gait) == (before.walker, before.gait)
     with unpacked(before, log.attachments) if own_files else nullcontext(ModelFiles.of(changed)) as files:
-        return run_scenario(changed, log=target, progress=progress, stop=stop, files=files)
+        return run_scenario(changed, log=target, progress=progress, stop=stop, announce=announce, files=files)
 
 
 def _after(ticks: int, reason: str) -> Callable[[], str | None]:
