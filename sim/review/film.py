@@ -23,7 +23,7 @@ GL_HELP = (
     "MuJoCo cannot draw here: it needs EGL or OSMesa. On Debian or Ubuntu: apt install libegl1 libgl1-mesa-dri "
     "(EGL) or libosmesa6 (then set MUJOCO_GL=osmesa)"
 )
-_SIDES = (("left", 0.05), ("right", -0.05))  # [m] y at which the legs are drawn
+_FRONT = -0.1  # [m] y of the arrows, before both legs as the camera sees them
 _ARROW_WIDTH = 0.012  # [m]
 _COLOURS = {"contact": (0.13, 0.6, 0.3, 1.0), "push": (0.8, 0.1, 0.2, 1.0)}
 
@@ -167,14 +167,13 @@ class _Arrows:
         if row < 0 or t - self._times[row] > 0.03:
             return
         for entity in self._frames[row][1].entities:
-            kind, _, which = entity.id.partition(".")
+            kind = entity.id.partition(".")[0]
             if kind not in _COLOURS or not entity.arrows:
                 continue
             arrow = entity.arrows[0]
             turn = arrow.pose.orientation
             length = min(arrow.shaft_length + arrow.head_length, 1.5)
-            y = dict(_SIDES).get(which, 0.0)
-            tail = [arrow.pose.position.x, y, arrow.pose.position.z]
+            tail = [arrow.pose.position.x, _FRONT, arrow.pose.position.z]
             along = (1.0 - 2.0 * turn.y**2, 0.0, -2.0 * turn.w * turn.y)
             yield kind, tail, [p + length * d for p, d in zip(tail, along, strict=True)]
 
