@@ -102,7 +102,7 @@ class Loop:
             outcome=outcome,
             reason=reason,
             detail=detail,
-            time_s=self._t,
+            final=self._state,
             wall_s=time.perf_counter() - began,
             torque_limits=self._torque_limits,
             log=log,
@@ -110,11 +110,10 @@ class Loop:
 
     def _walk(self, progress: Progress | None, stop: Stop | None) -> tuple[Outcome, FallReason, str]:
         plant, controller, judge, metrics = self._plant, self._controller, self._judge, self._metrics
-        self._t = 0.0
         k = 0
         while True:
             observation, state = plant.observe(), plant.state()
-            self._t = state.t
+            self._state = state
             touch_down = judge.touch_down(state)
             if touch_down:
                 self._landed(k, touch_down)
