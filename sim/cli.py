@@ -13,6 +13,7 @@ from sim.errors import UserError
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
+    "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",
 }
 
 EXIT_USER_ERROR = 2

@@ -1,6 +1,7 @@
 """The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
 
 import contextlib
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -66,6 +67,12 @@ def load_belief(scenario: Scenario) -> Belief:
         return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
 
 
+@functools.lru_cache(maxsize=4)
+def known_belief(walker: str, gait: str) -> Belief:
+    """The controller's model and gait, read once a process: a campaign runs thousands of scenarios."""
+    return load_belief(Scenario(walker=walker, gait=gait))
+
+
 def build_controller(settings: ControllerSettings, belief: Belief) -> Controller:
     """The controller a scenario asks for.
 
@@ -128,7 +135,12 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
 
 
 def run_scenario(
-    scenario: Scenario, *, log: Path | None = None, progress: Progress | None = None, stop: Stop | None = None
+    scenario: Scenario,
+    *,
+    log: Path | None = None,
+    progress: Progress | None = None,
+    stop: Stop | None = None,
+    belief: Belief | None = None,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -137,11 +149,12 @@ def run_scenario(
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+        belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
         UserError: a file or a setting is not legal, or the log can not be written.
     """
-    belief = load_belief(scenario)
+    belief = belief or load_belief(scenario)
     controller = build_controller(scenario.controller, belief)
     plant = build_plant(scenario)
     q, dq = start_state(scenario, belief)
