@@ -87,17 +87,10 @@ def pending(plan: Plan, store: Store) -> list[tuple[str, int]]:
     found = []
     for start, study in plan.offsets():
         if isinstance(study, MarginStudy):
-            wanted = {
-                controller: _next_of_margin(study, start, controller, store) for controller in plan.controllers
-            }
+            wanted = [(c, index) for c in plan.controllers for index in _next_of_margin(study, start, c, store)]
         else:
-            wanted = {controller: range(start, start + study.size) for controller in plan.controllers}
-        found += [
-            (controller, index)
-            for controller, indices in wanted.items()
-            for index in indices
-            if (controller, index) not in done
-        ]
+            wanted = [(c, index) for c in plan.controllers for index in range(start, start + study.size)]
+        found += [trial for trial in wanted if trial not in done]
     return sorted(found, key=lambda trial: (trial[1], trial[0]))
 
 

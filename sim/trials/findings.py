@@ -1,5 +1,6 @@
 """What the results of each study say: margins, grid lines, survival rates. No pictures, no pages."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -35,11 +36,14 @@ class Side:
     @property
     def share(self) -> float:
         """Part of the tried range that is held, 0 to 1; on a log scale, of its logarithm."""
-        if self.margin.value is None:
-            return 0.0
-        low, high = self.axis.ends
-        whole = abs(low if self.sign < 0 else high)
-        return _position(self.axis, self.margin.value) / whole
+        return 0.0 if self.margin.value is None else self.share_of(self.margin.value)
+
+    def share_of(self, value: float) -> float:
+        """Where a value lies between the nominal one (0) and the limit (1)."""
+        nominal = self.axis.nominal
+        if self.axis.scale == "log":
+            return math.log(value / nominal) / math.log(self.limit / nominal)
+        return (value - nominal) / (self.limit - nominal)
 
     @property
     def typical_errors(self) -> float | None:
@@ -56,11 +60,6 @@ class Side:
         return self.margin.fell_at is None
 
 
-def _position(axis: MarginAxis, value: float) -> int:
-    low, high = axis.ends
-    return abs(min(range(low, high + 1), key=lambda i: abs(axis.value(i) - value)))
-
-
 def sides(results: Results, study: MarginStudy) -> Iterator[Side]:
     """Every side of every axis for every controller that has results."""
     start = next(start for start, other in results.plan.offsets() if other is study)
@@ -72,9 +71,8 @@ def sides(results: Results, study: MarginStudy) -> Iterator[Side]:
             if limit == 0:
                 continue
             for controller in results.plan.controllers:
-                reasons = {
-                    r.trial - zero: r.why for r in results.store.results(controller, zero + low, zero + high + 1)
-                }
+                rows = results.store.results(controller, zero + low, zero + high + 1)
+                reasons = {row.trial - zero: row.why for row in rows}
                 if reasons:
                     yield Side(
                         axis=axis,

@@ -38,18 +38,11 @@ def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> str:
                 edge = half + side.sign * width
                 shape += element("rect", x=edge - 1.0, y=y - 2.0, width=2.0, height=BAR + 4, fill=FELL)
             for again in side.margin.again:
-                at = half + side.sign * half * _share(side, again)
+                at = half + side.sign * half * side.share_of(again)
                 shape += element("circle", cx=at, cy=y + BAR / 2, r=3.0, fill="none", stroke=INK)
             parts.append(titled(shape, side_title(side)))
     parts.append(element("line", x1=half, x2=half, y1=0.0, y2=height, stroke=INK))
     return picture(2 * half, height, parts, f"margins of {label(sides[0].axis)}")
-
-
-def _share(side: Side, value: float) -> float:
-    nominal, limit = side.axis.nominal, side.limit
-    if side.axis.scale == "log":
-        return math.log(value / nominal) / math.log(limit / nominal)
-    return (value - nominal) / (limit - nominal)
 
 
 def side_title(side: Side) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from sim.errors import UserError
 from sim.judge import FallCriteria
 from sim.trials import plots
-from sim.trials.axis import label, spec_of
+from sim.trials.axis import Value, label, spec_of
 from sim.trials.campaign import Results
 from sim.trials.findings import RandomFindings, Side, grid_rows, random_findings, sides, weakest
 from sim.trials.grid import GridStudy, boundary, lines
@@ -25,7 +25,8 @@ MOST_FALLS = 100  # rows of the list of falls
 MOST_CURVES = 9  # survival curves of a Monte-Carlo study
 
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #22272d; max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
+body { font: 15px/1.5 system-ui, sans-serif; color: #22272d;
+  max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; margin-bottom: 0; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #dde1e5; }
 table { border-collapse: collapse; width: 100%; font-size: 13px; margin: 1rem 0; }
 th { text-align: left; border-bottom: 1px solid #9aa1a9; padding: 4px 8px; vertical-align: bottom; }
@@ -34,7 +35,8 @@ td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; wh
 svg { vertical-align: middle; max-width: 100%; height: auto; margin: 2px 6px 2px 0; }
 .muted { color: #6b737c; } .fell { color: #c8442f; } code { font-size: 12px; }
 .key { display: inline-block; width: 12px; height: 12px; margin: 0 4px 0 14px; border-radius: 2px; }
-.lead { font-size: 16px; } details { margin: 1rem 0; } pre { font-size: 12px; overflow: auto; background: #f6f7f8; padding: 1rem; }
+.lead { font-size: 16px; } details { margin: 1rem 0; }
+pre { font-size: 12px; overflow: auto; background: #f6f7f8; padding: 1rem; }
 """
 
 
@@ -113,11 +115,11 @@ def _page(results: Results) -> Iterator[str]:
 
 
 def _criteria(results: Results) -> str:
-    c, steps = FallCriteria(), results.plan.scenario.steps
+    c, steps, limit = FallCriteria(), results.plan.scenario.steps, results.plan.scenario.end_time
     return (
         f"A trial survives when {steps} steps are completed. It falls when the hip is less than {c.hip_height:g} m "
         f"above the lower foot, the torso tilts beyond {c.torso_tilt:g} rad, a link other than a foot touches the "
-        f"ground, no step comes for {c.stall_time:g} s, the state is not finite, or {results.plan.scenario.end_time:g} s "
+        f"ground, no step comes for {c.stall_time:g} s, the state is not finite, or {limit:g} s "
         "of simulated time are over. The controller knows nothing of what is varied."
     )
 
@@ -134,12 +136,15 @@ def _margin_section(results: Results, study: MarginStudy) -> Iterator[str]:
             + "</p>"
         )
     yield (
-        "<p class=muted>Bars run from the nominal value to the largest one survived, as a share of the range tried; "
-        "a red line marks the first fall, a ring a value survived beyond it: survival is then not monotone. "
+        "<p class=muted>Bars run from the nominal value to the largest one survived, as a share of the range "
+        "tried; a red line marks the first fall, a ring a value survived beyond it: survival is then not monotone. "
         '"Typical" is the deviation to expect of a machine, by which axes are compared.</p>'
     )
     head = "".join(f"<th class=number>{html.escape(c)}</th>" for c in results.plan.controllers)
-    yield f"<table><tr><th>axis<th class=number>typical<th class=number>tried<th>down and up{head}<th>what breaks first</tr>"
+    yield (
+        "<table><tr><th>axis<th class=number>typical<th class=number>tried<th>down and up"
+        f"{head}<th>what breaks first</tr>"
+    )
     for axis in study.axes:
         here = [side for side in found if side.axis is axis]
         if not here:
@@ -189,8 +194,8 @@ def _grid_section(results: Results, study: GridStudy) -> Iterator[str]:
         survived = sum(row.survived for row in rows.values())
         share = 100 * survived / max(1, len(rows))
         yield (
-            f"<p><b>{html.escape(controller)}</b> survives {survived} of {len(rows)} points: {share:.1f} % of the area "
-            f"of {html.escape(' x '.join(label(axis) for axis in study.axes))}.</p>"
+            f"<p><b>{html.escape(controller)}</b> survives {survived} of {len(rows)} points: {share:.1f} % of the "
+            f"area of {html.escape(' x '.join(label(axis) for axis in study.axes))}.</p>"
         )
         for number in range(study.size // per_picture):
             first = number * per_picture
@@ -217,16 +222,9 @@ def _boundary_table(results: Results, study: GridStudy, rows: dict[int, TrialRes
         ends = boundary(last.points, alive, start)
         words = "falls" if ends is None else f"{numbers[ends[0]]:g} to {numbers[ends[1]]:g}"
         outside = ends is not None and sum(alive) > ends[1] - ends[0] + 1
-        where = (
-            ", ".join(
-                f"{label(a)} = {v:g}" if isinstance(v, float) else f"{label(a)} = {v}"
-                for a, v in zip(study.axes, fixed, strict=False)
-            )
-            or "all"
-        )
-        lines_.append(
-            f"<tr><td>{html.escape(where)}</td><td class=number>{words}{' and beyond a gap' if outside else ''}</td></tr>"
-        )
+        where = ", ".join(f"{label(axis)} = {_number(v)}" for axis, v in zip(study.axes, fixed, strict=False))
+        gap = " and beyond a gap" if outside else ""
+        lines_.append(f"<tr><td>{html.escape(where or 'all')}</td><td class=number>{words}{gap}</td></tr>")
     return (
         f"<table><tr><th>along {html.escape(label(last))} from {numbers[start]:g}"
         f"<th class=number>survives [{html.escape(unit)}]</tr>{''.join(lines_)}</table>"
@@ -247,8 +245,8 @@ def _random_section(results: Results, study: MonteCarloStudy) -> Iterator[str]:
             f"<p>The same draws for both. McNemar's exact test: p = {pair.p:.2g}.</p>"
         )
     yield (
-        "<h3>Which axes explain the falls</h3><p class=muted>Spearman's rank correlation with survival: solid of the "
-        "value, pale of its distance from the median.</p>"
+        "<h3>Which axes explain the falls</h3><p class=muted>Spearman's rank correlation with survival: solid of "
+        "the value, pale of its distance from the median.</p>"
     )
     for i, (controller, axes) in enumerate(found.attributions.items()):
         if axes:
@@ -281,12 +279,14 @@ def _falls(results: Results) -> Iterator[str]:
     yield f"<details><summary>Falls and errors ({len(shown)} of {len(rows)}; all are in results.csv)</summary>"
     yield "<table><tr><th>trial<th>study<th>values<th class=number>steps<th class=number>time [s]<th>why</tr>"
     for row in shown:
-        values = ", ".join(
-            f"{k} = {v:.4g}" if isinstance(v, float) else f"{k} = {v}" for k, v in row.axis_values.items()
-        )
+        values = ", ".join(f"{name} = {_number(value)}" for name, value in row.axis_values.items())
         yield (
             f"<tr><td><code>{html.escape(row.controller)}/{row.trial}</code><td>{html.escape(row.study)}"
             f"<td>{html.escape(values)}<td class=number>{row.steps}<td class=number>{row.time_s:.2f}"
             f"<td>{html.escape(row.why)}</tr>"
         )
     yield "</table></details>"
+
+
+def _number(value: Value) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

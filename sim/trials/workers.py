@@ -54,7 +54,7 @@ def connect(address: str) -> Any:
         client: Any = Client(address, timeout=CONNECT_TIMEOUT)
     except (OSError, ValueError, TimeoutError) as error:
         raise UserError(
-            f"--cluster {address}: no scheduler answers within {CONNECT_TIMEOUT:g} s; must be tcp://host:port of one"
+            f"--cluster {address}: no scheduler answers within {CONNECT_TIMEOUT:g} s; must be tcp://HOST:PORT"
         ) from error
     return client
 
