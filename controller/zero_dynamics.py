@@ -35,9 +35,7 @@ class ZeroDynamicsStep:
     ddq: Vector
 
 
-def zero_dynamics_pd(
-    model: WalkerModel, gait: Gait, gains: kernels.Gains, q: Vector, dq: Vector
-) -> ZeroDynamicsStep:
+def zero_dynamics_pd(model: WalkerModel, gait: Gait, gains: kernels.Gains, q: Vector, dq: Vector) -> ZeroDynamicsStep:
     """Torque u = (L_g L_f h)^-1 (v - L_f^2 h) with v = -K_D dy - K_P y.
 
     Implements: Eqs. (6)-(9).
@@ -50,6 +48,7 @@ def zero_dynamics_pd(
         dq: Rates in [rad/s], (5,).
     """
     stage = kernels.new_stage()
+    kernels.place(q, dq, stage)
     theta, dtheta = kernels.closed_loop(model.lumped, gait.table, gains, q, dq, stage)
     return ZeroDynamicsStep(u=stage.u, y=stage.y, dy=stage.dy, theta=theta, dtheta=dtheta, ddq=stage.ddq)
 
@@ -61,8 +60,6 @@ class ZeroDynamicsController:
         """Args are those of `zero_dynamics_pd`."""
         self.model, self.gait, self.gains = model, gait, gains
         self.stance = StanceEstimator(model)
-        self._force = np.empty(2)
-        self._force_per_torque = np.empty((2, 4))
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
@@ -72,11 +69,10 @@ class ZeroDynamicsController:
         """One tick: which leg stands, then Eq. (7)."""
         state: StanceState = self.stance.update(observation)
         stage = kernels.new_stage()
-        theta, dtheta = kernels.closed_loop(
-            self.model.lumped, self.gait.table, self.gains, state.q, state.dq, stage
-        )
+        kernels.place(state.q, state.dq, stage)
+        theta, dtheta = kernels.closed_loop(self.model.lumped, self.gait.table, self.gains, state.q, state.dq, stage)
         force = np.empty(2)
-        kernels.stance_force(self.model.lumped, stage.u, stage, force, self._force_per_torque)
+        kernels.stance_force(self.model.lumped, stage, force)
         u = state.leg.from_body(stage.u)
         return ControlStep(
             stance=state.leg.value,

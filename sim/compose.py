@@ -14,7 +14,8 @@ from controller.cascade import CascadedMpc, Friction, Weights
 from controller.errors import ControllerInputError
 from controller.gait import Gait, load_gait
 from controller.model import WalkerModel
-from controller.qp import make_solver
+from controller.qp import ROWS
+from controller.solvers import make_solver
 from controller.zero_dynamics import ZeroDynamicsController
 from sim import provenance
 from sim.actuation import Actuation
@@ -92,7 +93,7 @@ def build_controller(settings: ControllerSettings, belief: Belief) -> Controller
             T=settings.period,
             weights=Weights.of_paper(gains, settings.period),
             friction=friction if settings.friction_rows else None,
-            solver=make_solver(settings.solver, settings.horizon),
+            solver=make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
 
 
