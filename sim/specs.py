@@ -154,7 +154,9 @@ def from_text(texts: Sequence[str], spec: Spec, path: str) -> Any:
     """The value of a field from the words of a command line, or a `UserError`."""
     if spec.optional and all(text.lower() == "none" for text in texts):
         return None
-    items = [_number(text, spec.type) if spec.type in (int, float) else text for text in texts]
+    items: list[Any] = [_number(text, spec.type) if spec.type in (int, float) else text for text in texts]
+    if spec.type is bool:
+        items = [{"true": True, "false": False}.get(text.lower(), text) for text in texts]
     return leaf(items if spec.length else items[0], spec, path)
 
 

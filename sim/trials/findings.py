@@ -52,6 +52,8 @@ class Side:
             return None
         if self.margin.value is None:
             return 0.0
+        if self.axis.scale == "log":
+            return abs(math.log(self.margin.value / self.axis.nominal)) / math.log(self.axis.typical)
         return abs(self.margin.value - self.axis.nominal) / self.axis.typical
 
     @property

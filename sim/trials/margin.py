@@ -32,7 +32,8 @@ class MarginAxis:
         scale: Whether values are spaced evenly, or by equal ratios.
         scan: Values tried on each side before the bisection, evenly spread up to the limit; they find
             survival that comes back beyond a fall.
-        typical: Deviation from nominal to expect of a real machine, by which axes are compared; 0 for none.
+        typical: Deviation from nominal to expect of a real machine, by which axes are compared; 0 for
+            none; a ratio above 1 on a "log" scale.
     """
 
     paths: tuple[str, ...]

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from sim import settings
 from sim.errors import UserError
 from sim.scenario import Scenario
-from sim.trials.axis import changes, scenario_at
+from sim.trials.axis import Axis, Value, changes, label, scenario_at
 from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy
 from sim.trials.montecarlo import MonteCarloStudy
@@ -78,20 +78,18 @@ class Plan:
     def _check_ends(self) -> None:
         """Build the outermost scenarios, so that an illegal value is refused before the first trial."""
         for study in self.studies:
-            if isinstance(study, GridStudy):
-                for axis in study.axes:
-                    for value in axis.points:
-                        scenario_at(self.scenario, changes(axis, value, self.scenario))
-            elif isinstance(study, MarginStudy):
-                for side in study.axes:
-                    for position in side.ends:
-                        scenario_at(self.scenario, changes(side, side.value(position), self.scenario))
-            else:
-                for random in study.axes:
-                    ends = (random.low, random.high, random.centre, *random.values, *random.words)
-                    for end in ends:
-                        if end is not None:
-                            scenario_at(self.scenario, changes(random, end, self.scenario))
+            ends = _ends(study)
+            # The axes of a margin study are tried alone, those of the others all at once.
+            alone = isinstance(study, MarginStudy)
+            others: dict[str, Any] = {}
+            for axis, values in () if alone else ends:
+                others |= changes(axis, values[0], self.scenario)
+            for axis, values in ends:
+                for value in values:
+                    try:
+                        scenario_at(self.scenario, others | changes(axis, value, self.scenario))
+                    except UserError as error:
+                        raise UserError(f"study {study.name!r}, axis {label(axis)!r}: {error}") from error
 
     @property
     def studies(self) -> tuple[Study, ...]:
@@ -120,6 +118,19 @@ class Plan:
     def hash(self) -> str:
         """Fingerprint of everything that decides the results."""
         return hashlib.sha256(to_toml(self).encode()).hexdigest()
+
+
+def _ends(study: Study) -> list[tuple[Axis, list[Value]]]:
+    """Every axis of a study with its outermost values."""
+    if isinstance(study, GridStudy):
+        return [(axis, list(axis.points)) for axis in study.axes]
+    if isinstance(study, MarginStudy):
+        return [(axis, [axis.value(position) for position in axis.ends]) for axis in study.axes]
+    found: list[tuple[Axis, list[Value]]] = []
+    for axis in study.axes:
+        values = [axis.centre, axis.low, axis.high, *axis.values, *axis.words]
+        found.append((axis, [value for value in values if value is not None]))
+    return found
 
 
 def to_toml(plan: Plan) -> str:
