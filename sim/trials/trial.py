@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -281,7 +282,12 @@ def _figures(summary: RunSummary) -> dict[str, Any]:
 
 
 def work(spec: TrialSpec) -> TrialResult:
-    """`run_trial` in a worker process: Ctrl-C is for the parent, which then asks no more of its workers."""
+    """`run_trial` in a worker process.
+
+    Ctrl-C is for the parent, which then asks no more of its workers; what solvers warn of is counted in the
+    results, and would bury the progress.
+    """
+    warnings.simplefilter("ignore")
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     return run_trial(spec)
