@@ -1,6 +1,7 @@
 """Campaigns: pure trials, the same results whoever runs them, nothing lost to a kill, one line for bad input."""
 
 import dataclasses
+import errno
 import json
 import os
 import signal
@@ -125,8 +126,21 @@ def test_an_exception_is_an_outcome_and_wall_time_is_bounded(plan: Plan) -> None
     assert result.outcome == "error" and "wall time" in result.message
 
 
+def test_a_full_disk_is_no_result_of_the_trial(plan: Plan, tmp_path: Path, monkeypatch) -> None:
+    from sim.recorder.container import McapFile
+
+    def full(self, data, index) -> None:
+        raise UserError("log: cannot be written") from OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(McapFile, "chunk", full)
+    spec = TrialSpec(plan=dataclasses.replace(plan, log_every=1), controller="zd-pd", index=0, logs=str(tmp_path))
+    with pytest.raises(UserError, match="disk is full"):
+        run_trial(spec)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_killed_campaign_goes_on_where_it_was(tmp_path: Path, reference: list[TrialResult]) -> None:
-    """kill -9 of the parent in mid-plan, twice; then the same command to its end."""
+    """Kill -9 of the parent in mid-plan, twice; then the same command to its end."""
     out = tmp_path / "out"
     command = [sys.executable, "-m", "sim", "trials", write(tmp_path), "--out", str(out), "--workers", "1"]
     for killed in (2, 9):
@@ -245,7 +259,9 @@ BAD = {
     '[[grid]]\n[[grid.axes]]\npaths = ["plant.mass_factor.torso"]\nvalues = [-1]': ["-1.0 ratio", "above 0"],
     '[[grid]]\n[[grid.axes]]\npaths = ["sensors.latency"]\nvalues = [0.5]': ["sensors.latency = 0.5", "integer"],
     f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 1\nlow = 0\nhigh = 0.5\ntolerance = 0.1": ["must be in this order"],
-    f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 0\nlow = 0\nhigh = 0.5\ntolerance = 0": ["tolerance = 0: must be a number above 0"],
+    f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 0\nlow = 0\nhigh = 0.5\ntolerance = 0": [
+        "tolerance = 0: must be a number above 0"
+    ],
     f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 0\nlow = 0\nhigh = 0.5\ntolerance = 1": ["must divide the range"],
     f'[[montecarlo]]\n[[montecarlo.axes]]\n{AXIS}distribution = "normal"': ["needs centre and spread [rad]"],
     f'[[montecarlo]]\n[[montecarlo.axes]]\n{AXIS}distribution = "gauss"': ["one of normal, uniform"],

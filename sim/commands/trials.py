@@ -1,11 +1,16 @@
 """`cmpc trials`: run a plan of many trials, look at one of them, rebuild the page."""
 
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sim import flags
 from sim.errors import UserError
+
+if TYPE_CHECKING:
+    from sim.trials.campaign import Results
 
 EPILOG = """\
 also:
@@ -65,7 +70,7 @@ def _print_list() -> None:
         print(f"{name:<16}{load_plan(name).description}")
 
 
-def _run(found: "flags.argparse.Namespace") -> int:
+def _run(found: Namespace) -> int:
     from sim.interrupt import stop_on_signal
     from sim.trials.campaign import run_plan
     from sim.trials.plan import load_plan
@@ -101,23 +106,20 @@ def _run(found: "flags.argparse.Namespace") -> int:
     return 0
 
 
-def _finish(results: "object", out: Path) -> None:
+def _finish(results: "Results", out: Path) -> None:
     from sim.trials.report import write_report
     from sim.trials.summary import summarise
 
-    page = write_report(results, out)  # type: ignore[arg-type]
-    print(summarise(results))  # type: ignore[arg-type]
+    page = write_report(results, out)
+    print(summarise(results))
     print(f"page: {page}")
 
 
-def _open(folder: str) -> "object":
+def _open(folder: str) -> "Results":
     from sim.trials.campaign import Results
-    from sim.trials.store import FILE, Store
+    from sim.trials.recall import open_results
 
-    store = Store(Path(folder) / FILE)
-    plan = store.plan()
-    if plan is None:
-        raise UserError(f"{folder}: holds no plan yet; its campaign stopped before its first trial")
+    plan, store = open_results(folder)
     return Results(plan=plan, store=store)
 
 

@@ -157,9 +157,7 @@ def random_findings(results: Results, study: MonteCarloStudy) -> RandomFindings:
 
 def _rate(controller: str, rows: list[TrialResult]) -> Rate:
     survived = sum(row.survived for row in rows)
-    return Rate(
-        controller=controller, survived=survived, trials=len(rows), interval=stats.wilson(survived, len(rows))
-    )
+    return Rate(controller=controller, survived=survived, trials=len(rows), interval=stats.wilson(survived, len(rows)))
 
 
 def _numbers(values: list[Value | None]) -> list[float]:

@@ -52,9 +52,7 @@ class RandomAxis:
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
         if self.distribution == "uniform":
-            return (
-                float(generator.integers(int(low), int(high) + 1)) if whole else float(generator.uniform(low, high))
-            )
+            return float(generator.integers(int(low), int(high) + 1)) if whole else float(generator.uniform(low, high))
         for _ in range(MOST_REDRAWS):
             value = float(generator.normal(0.0, 1.0)) * (self.spread or 0.0)
             centre = self.centre or 0.0

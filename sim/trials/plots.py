@@ -66,7 +66,7 @@ def grid_map(axes: Sequence[GridAxis], rows: Mapping[int, TrialResult], title: s
     """
     across = axes[-1].points
     up: tuple[Value, ...] = axes[0].points if len(axes) == 2 else ("",)
-    cell, left, top = max(16.0, min(44.0, 640.0 / len(across))), 70.0, 24.0
+    cell, left, top = max(16.0, min(44.0, 420.0 / len(across))), 76.0, 24.0
     height = top + cell * len(up) + 40
     parts = [text(left, 14, title, font_weight=600)]
     for i, row_value in enumerate(up):

@@ -33,7 +33,7 @@ def stored_trial(folder: str | Path, trial: str) -> TrialResult:
     Raises:
         UserError: no results there, no such id, or it has not been run.
     """
-    plan, store = _open(folder)
+    plan, store = open_results(folder)
     with store:
         controller, number = split_id(trial, plan)
         result = store.result(controller, number)
@@ -51,13 +51,18 @@ def stored_scenario(reference: str) -> Scenario:
     folder, hash_sign, trial = reference.rpartition("#")
     if not hash_sign:
         raise UserError(f"--from-trial {reference}: must be DIR#CONTROLLER/NUMBER, such as results#c-mpc/17")
-    plan, store = _open(folder)
+    plan, store = open_results(folder)
     store.close()
     controller, number = split_id(trial, plan)
     return trial_scenario(plan, controller, number)
 
 
-def _open(folder: str | Path) -> tuple[Plan, Store]:
+def open_results(folder: str | Path) -> tuple[Plan, Store]:
+    """The plan and the results of a folder.
+
+    Raises:
+        UserError: there are none, or they cannot be read.
+    """
     store = Store(Path(folder) / FILE)
     plan = store.plan()
     if plan is None:

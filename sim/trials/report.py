@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import html
+import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -188,47 +189,52 @@ def _first_break(here: Sequence[Side]) -> str:
 
 
 def _grid_section(results: Results, study: GridStudy) -> Iterator[str]:
-    n_last = len(study.axes[-1].points)
-    per_picture = n_last * (len(study.axes[-2].points) if len(study.axes) > 1 else 1)
-    for controller, rows in grid_rows(results, study).items():
-        survived = sum(row.survived for row in rows.values())
-        share = 100 * survived / max(1, len(rows))
-        yield (
-            f"<p><b>{html.escape(controller)}</b> survives {survived} of {len(rows)} points: {share:.1f} % of the "
-            f"area of {html.escape(' x '.join(label(axis) for axis in study.axes))}.</p>"
-        )
-        for number in range(study.size // per_picture):
-            first = number * per_picture
-            fixed = study.point(first)[:-2]
-            names = ", ".join(f"{label(a)} {v}" for a, v in zip(study.axes, fixed, strict=False))
-            shown = {i - first: row for i, row in rows.items() if first <= i < first + per_picture}
-            yield plots.grid_map(study.axes[-2:], shown, f"{controller} {names}".strip())
-        yield _boundary_table(results, study, rows)
+    rows = {controller: found for controller, found in grid_rows(results, study).items() if found}
+    names = html.escape(" x ".join(label(axis) for axis in study.axes))
+    yield "<p>" + " ".join(
+        f"<b>{html.escape(controller)}</b> survives {survived} of {len(found)} points, "
+        f"{100 * survived / len(found):.1f} % of the area of {names}."
+        for controller, found in rows.items()
+        for survived in [sum(row.survived for row in found.values())]
+    )
+    yield "</p><p class=muted>Green: survived. The number is that of the steps completed before the fall.</p>"
+    per_picture = math.prod(len(axis.points) for axis in study.axes[-2:])
+    for first in range(0, study.size, per_picture):
+        fixed = zip(study.axes[:-2], study.point(first), strict=False)
+        where = ", ".join(f"{label(axis)} = {_number(value)}" for axis, value in fixed)
+        for controller, found in rows.items():
+            shown = {i - first: row for i, row in found.items() if first <= i < first + per_picture}
+            yield plots.grid_map(study.axes[-2:], shown, f"{controller} {where}".strip())
+    yield _boundary_table(results, study, rows)
 
 
-def _boundary_table(results: Results, study: GridStudy, rows: dict[int, TrialResult]) -> str:
-    """Where survival ends on each line along the last axis, seen from the value nearest the plan's."""
+def _boundary_table(results: Results, study: GridStudy, rows: dict[str, dict[int, TrialResult]]) -> str:
+    """Where survival ends on each line along the last axis, seen from the value nearest to zero."""
     last = study.axes[-1]
     numbers = [value for value in last.points if isinstance(value, int | float)]
     if len(numbers) != len(last.points):
         return ""
     start = min(range(len(numbers)), key=lambda i: abs(numbers[i]))
     unit = spec_of(last, results.plan.scenario).unit
-    lines_ = []
+    table = []
     for fixed, indices in lines(study):
-        if not all(i in rows for i in indices):
-            continue
-        alive = [rows[i].survived for i in indices]
-        ends = boundary(last.points, alive, start)
-        words = "falls" if ends is None else f"{numbers[ends[0]]:g} to {numbers[ends[1]]:g}"
-        outside = ends is not None and sum(alive) > ends[1] - ends[0] + 1
         where = ", ".join(f"{label(axis)} = {_number(v)}" for axis, v in zip(study.axes, fixed, strict=False))
-        gap = " and beyond a gap" if outside else ""
-        lines_.append(f"<tr><td>{html.escape(where or 'all')}</td><td class=number>{words}{gap}</td></tr>")
-    return (
-        f"<table><tr><th>along {html.escape(label(last))} from {numbers[start]:g}"
-        f"<th class=number>survives [{html.escape(unit)}]</tr>{''.join(lines_)}</table>"
-    )
+        cells = ""
+        for found in rows.values():
+            alive = [index in found and found[index].survived for index in indices]
+            cells += f"<td class=number>{_stretch(numbers, alive, start)}</td>"
+        table.append(f"<tr><td>{html.escape(where or 'all')}</td>{cells}</tr>")
+    head = "".join(f"<th class=number>{html.escape(controller)} survives [{html.escape(unit)}]" for controller in rows)
+    along = f"along {html.escape(label(last))}, from {numbers[start]:g} outwards"
+    return f"<table><tr><th>{along}{head}</tr>{''.join(table)}</table>"
+
+
+def _stretch(numbers: Sequence[float], alive: list[bool], start: int) -> str:
+    ends = boundary(tuple(numbers), alive, start)
+    if ends is None:
+        return "falls"
+    beyond = " and beyond a gap" if sum(alive) > ends[1] - ends[0] + 1 else ""
+    return f"{numbers[ends[0]]:g} to {numbers[ends[1]]:g}{beyond}"
 
 
 def _random_section(results: Results, study: MonteCarloStudy) -> Iterator[str]:

@@ -58,8 +58,7 @@ def summarise(results: Results) -> str:
                 )
             for a, b, pair in found.pairs:
                 lines.append(
-                    f"{study.name}: only {a} survives {pair.first}, only {b} {pair.second}; "
-                    f"McNemar p = {pair.p:.2g}"
+                    f"{study.name}: only {a} survives {pair.first}, only {b} {pair.second}; McNemar p = {pair.p:.2g}"
                 )
             for controller, axes in found.attributions.items():
                 if axes and axes[0].strength > 0:

@@ -1,6 +1,7 @@
 """One trial: a pure function of plan, controller and index."""
 
 import dataclasses
+import errno
 import json
 import math
 import os
@@ -193,6 +194,9 @@ def run_trial(spec: TrialSpec) -> TrialResult:
 
     Args:
         spec: Which trial of which plan.
+
+    Raises:
+        UserError: the disk is full: no fault of the trial, and no result of it.
     """
     plan, index = spec.plan, spec.index
     began = time.perf_counter()
@@ -204,14 +208,25 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         scenario = trial_scenario(plan, spec.controller, index)
         summary, log = _run(scenario, spec, began + plan.wall_limit)
     except Exception as error:
+        if _disk_full(error):
+            raise UserError(
+                f"{spec.logs}: the disk is full; free some and give the same command again"
+            ) from error
         message = " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_MESSAGE]
         wall = time.perf_counter() - began
         failed: dict[str, Any] = {"outcome": Outcome.ERROR.value, "survived": False, "message": message}
         return TrialResult(**identity, study=study, values=values, wall_s=wall, **failed)
     figures = _figures(summary)
-    return TrialResult(
-        **identity, study=study, values=values, wall_s=time.perf_counter() - began, log=log, **figures
-    )
+    return TrialResult(**identity, study=study, values=values, wall_s=time.perf_counter() - began, log=log, **figures)
+
+
+def _disk_full(error: BaseException | None) -> bool:
+    """Whether an error, or what caused it, is that of a full disk."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _run(scenario: Scenario, spec: TrialSpec, deadline: float) -> tuple[RunSummary, str]:

@@ -1,12 +1,13 @@
 """Where trials run: in this process, on this machine's cores, or on a Dask cluster; the results are the same."""
 
 import itertools
+import json
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from sim import provenance
 from sim.errors import UserError
-from sim.trials.trial import TrialResult, TrialSpec, run_trial, work
+from sim.trials.trial import LONGEST_MESSAGE, TrialResult, TrialSpec, axis_values, run_trial, trial_seed, work
 
 Execute = Callable[[Iterable[TrialSpec]], Iterator[TrialResult]]
 """Runs trials and yields their results in any order."""
@@ -104,15 +105,13 @@ def _result(future: Any, spec: TrialSpec) -> TrialResult:
     if error is None:
         found: TrialResult = future.result()
         return found
+    if isinstance(error, UserError):  # a full disk
+        raise error
     return failed(spec, f"{type(error).__name__}: {error}")
 
 
 def failed(spec: TrialSpec, message: str) -> TrialResult:
     """Result of a trial that could not be run to any end."""
-    import json
-
-    from sim.trials.trial import axis_values, trial_seed
-
     study, values, _ = axis_values(spec.plan, spec.index)
     return TrialResult(
         controller=spec.controller,
@@ -122,7 +121,7 @@ def failed(spec: TrialSpec, message: str) -> TrialResult:
         seed=trial_seed(spec.plan, spec.index),
         outcome="error",
         survived=False,
-        message=" ".join(message.split())[:300],
+        message=" ".join(message.split())[:LONGEST_MESSAGE],
     )
 
 
