@@ -14,6 +14,7 @@ from sim.errors import UserError
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
+    "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",
 }
 
 EXIT_USER_ERROR = 2
