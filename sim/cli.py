@@ -18,6 +18,7 @@ COMMANDS = {
     "review": "Make one page from a log, or from two.",
     "video": "Make a film or a picture from a log.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
+    "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",
 }
 
 EXIT_USER_ERROR = 2

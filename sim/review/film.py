@@ -115,15 +115,14 @@ def _camera(log: Log, size: tuple[int, int]) -> Iterator[Any]:
     try:
         import mujoco
 
-        from sim.plant import build_spec
+        from sim.compose import build_plant
     except (ImportError, AttributeError, RuntimeError) as error:
         raise UserError(f"{GL_HELP} ({type(error).__name__}: {error})") from error
     scenario = scenario_of(log)
     with unpacked(scenario, log.attachments) as files:
-        spec = build_spec(scenario.plant, files.mjcf)
-        spec.visual.global_.offwidth, spec.visual.global_.offheight = size
-        spec.visual.quality.shadowsize = 1024  # a software renderer spends its time on shadows
-        model = spec.compile()
+        model = build_plant(scenario, files).model
+    model.vis.global_.offwidth, model.vis.global_.offheight = size
+    model.vis.quality.shadowsize = 1024  # a software renderer spends its time on shadows
     try:
         renderer = mujoco.Renderer(model, height=size[1], width=size[0], max_geom=200)
     except Exception as error:  # every GL back end fails in its own way
