@@ -11,6 +11,7 @@ from sim.errors import UserError
 from sim.loop import Stop
 from sim.plant import MujocoPlant
 
+EXTENT = 2.0  # [m] of what is looked at
 FRAME = 1 / 60  # [s]
 CLOSING = 2.0  # [s] for the window to close
 
@@ -42,6 +43,7 @@ def viewer(plant: MujocoPlant, period: float, stop: Stop | None) -> Iterator[Sto
     """
     import mujoco.viewer
 
+    plant.model.stat.extent = EXTENT  # for the camera alone: the ground may be a kilometre long
     before = set(threading.enumerate())
     try:
         opened = mujoco.viewer.launch_passive(plant.model, plant.data, show_left_ui=False, show_right_ui=False)

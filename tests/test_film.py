@@ -61,6 +61,15 @@ def test_a_picture_shows_both_legs_and_both_arrows(path, tmp_path):
     assert (picture(tmp_path / "b.png") != pixels).any()
 
 
+def test_long_rough_ground_hides_nothing(tmp_path):
+    pytest.importorskip("PIL")
+    ground = {"plant.ground.rough.height": 0.005, "plant.ground.rough.start": 0.5, "steps": 200}
+    run_scenario(with_values(load("undisturbed"), {"time_limit": 0.05} | ground), log=tmp_path / "run.mcap")
+    done = film(tmp_path / "run.mcap", tmp_path / "a.png", *SIZE)
+    assert done.returncode == 0, done.stderr
+    assert count(picture(tmp_path / "a.png"), 230, 107, 26) > 50
+
+
 @pytest.mark.parametrize("kind", ["mp4", "gif"])
 def test_a_film_has_every_picture(path, tmp_path, kind):
     pytest.importorskip("PIL" if kind == "gif" else "imageio_ffmpeg")

@@ -18,6 +18,8 @@ from sim.models import scenario_of, unpacked
 from sim.review.signals import Signals, signals_of
 
 KINDS = (".mp4", ".gif", ".png")
+EXTENT = 2.0  # [m] of what is looked at
+MOST_ARROWS = 20
 MOST_PIXELS = 4096  # on a side
 GL_HELP = (
     "MuJoCo cannot draw here: it needs EGL or OSMesa. On Debian or Ubuntu: apt install libegl1 libgl1-mesa-dri "
@@ -122,9 +124,10 @@ def _camera(log: Log, size: tuple[int, int]) -> Iterator[Any]:
     with unpacked(scenario, log.attachments) as files:
         model = build_plant(scenario, files).model
     model.vis.global_.offwidth, model.vis.global_.offheight = size
+    model.stat.extent = EXTENT  # ground a kilometre long would push the near clipping plane behind the walker
     model.vis.quality.shadowsize = 1024  # a software renderer spends its time on shadows
     try:
-        renderer = mujoco.Renderer(model, height=size[1], width=size[0], max_geom=200)
+        renderer = mujoco.Renderer(model, height=size[1], width=size[0], max_geom=model.ngeom + MOST_ARROWS)
     except Exception as error:  # every GL back end fails in its own way
         raise UserError(f"{GL_HELP} ({type(error).__name__}: {error})") from error
     renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
