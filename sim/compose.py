@@ -24,12 +24,13 @@ from sim.errors import UserError
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
+from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
 from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
 from sim.sensors import Sensors
-from sim.walkers import WalkerFolder
+from sim.viewer import check_display, viewer
 
 __all__ = [
     "Belief",
@@ -75,16 +76,20 @@ def _as_user_errors() -> Iterator[None]:
         raise UserError(str(error)) from error
 
 
-def load_belief(scenario: Scenario) -> Belief:
+def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     """The controller's model and gait.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a file is missing, unreadable or not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
+    files = files or ModelFiles.of(scenario)
     with _as_user_errors():
-        model = WalkerModel(folder.urdf)
-        return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
+        model = WalkerModel(files.urdf)
+        return Belief(model=model, gait=load_gait(files.gait, model))
 
 
 @functools.lru_cache(maxsize=4)
@@ -121,16 +126,20 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         )
 
 
-def build_plant(scenario: Scenario) -> MujocoPlant:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant:
     """The plant a scenario asks for, not yet reset.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a model file or a setting is not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
+    files = files or ModelFiles.of(scenario)
     return MujocoPlant(
         scenario.plant,
-        folder.mjcf,
+        files.mjcf,
         scenario.controller.period,
         seed=scenario.seed,
         walk_length=RUN_UP + LONGEST_STEP * scenario.steps,
@@ -178,6 +187,8 @@ def run_scenario(
     log: Path | None = None,
     progress: Progress | None = None,
     stop: Stop | None = None,
+    files: ModelFiles | None = None,
+    view: bool = False,
     announce: Announce | None = None,
     solver: Solver | None = None,
     tape: Tape | None = None,
@@ -190,17 +201,22 @@ def run_scenario(
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+        files: Model files to use instead of those the scenario names, such as those of a log.
+        view: Whether to show it in MuJoCo's window, no faster than real time.
         announce: Told a line for the user before something long.
         solver: Used instead of the one the scenario names.
         tape: Takes ticks and events where no log is written.
         belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
-        UserError: a file or a setting is not legal, or the log can not be written.
+        UserError: a file or a setting is not legal, the log can not be written, or there is no display.
     """
-    belief = belief or load_belief(scenario)
+    if view:
+        check_display()
+    files = files or ModelFiles.of(scenario)
+    belief = belief or load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief, solver=solver)
-    plant = build_plant(scenario)
+    plant = build_plant(scenario, files)
     q, dq = start_state(scenario, belief)
     walker = instrument(plant, scenario)
     walker.reset(q, dq, FIRST_STANCE)
@@ -209,31 +225,30 @@ def run_scenario(
     controller.reset(FIRST_STANCE)
 
     def loop(tape: Tape) -> RunSummary:
-        return Loop(
-            plant=walker,
-            controller=controller,
-            pushes=scenario.pushes,
-            com=plant.com,
-            stance=FIRST_STANCE,
-            steps=scenario.steps,
-            end_time=scenario.end_time,
-            tape=tape,
-            torque_limits=plant.torque_limits,
-            period=scenario.controller.period,
-        ).run(progress=progress, stop=stop, log=str(log) if log else "")
+        with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
+            return Loop(
+                plant=walker,
+                controller=controller,
+                pushes=scenario.pushes,
+                com=plant.com,
+                stance=FIRST_STANCE,
+                steps=scenario.steps,
+                end_time=scenario.end_time,
+                tape=tape,
+                torque_limits=plant.torque_limits,
+                period=scenario.controller.period,
+            ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
         return loop(tape or NoTape())
-    with Recorder(log, _header(scenario, belief, plant), scenario.controller.period) as recorder:
+    with Recorder(log, _header(scenario, belief, files), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, files: ModelFiles) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
-    folder = WalkerFolder.find(scenario.walker)
-    gait = folder.gait(scenario.gait)
     model = belief.model
     parts = {"femur": model.femur, "tibia": model.tibia}
     legs = {f"{side}_{part}": link.length for side in ("left", "right") for part, link in parts.items()}
@@ -248,9 +263,10 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader
         platform=provenance.platform_name(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         link_lengths={"torso": 2.0 * model.torso.com, **legs},
+        slope=scenario.plant.ground.slope,
         attachments={
-            folder.mjcf.name: ("application/xml", folder.mjcf.read_bytes()),
-            folder.urdf.name: ("application/xml", folder.urdf.read_bytes()),
-            gait.name: ("application/toml", gait.read_bytes()),
+            files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
+            files.urdf.name: ("application/xml", files.urdf.read_bytes()),
+            files.gait.name: ("application/toml", files.gait.read_bytes()),
         },
     )
