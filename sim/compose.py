@@ -22,6 +22,7 @@ from sim.loop import Loop, NoTape, Progress, Stop
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
+from sim.rigid import RigidPlant
 from sim.scenario import ControllerSettings, Scenario, to_toml
 from sim.walkers import WalkerFolder
 
@@ -84,14 +85,17 @@ def build_controller(settings: ControllerSettings, belief: Belief) -> Controller
         )
 
 
-def build_plant(scenario: Scenario) -> MujocoPlant:
+PLANTS = {"mujoco": MujocoPlant, "rigid": RigidPlant}
+
+
+def build_plant(scenario: Scenario) -> MujocoPlant | RigidPlant:
     """The plant a scenario asks for, not yet reset.
 
     Raises:
         UserError: a model file or a setting is not legal.
     """
     folder = WalkerFolder.find(scenario.walker)
-    return MujocoPlant(scenario.plant, folder.mjcf, scenario.controller.period)
+    return PLANTS[scenario.plant.kind](scenario.plant, folder.mjcf, scenario.controller.period)
 
 
 def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
@@ -148,7 +152,7 @@ def run_scenario(
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
     folder = WalkerFolder.find(scenario.walker)
     gait = folder.gait(scenario.gait)

@@ -61,7 +61,7 @@ class MujocoPlant:
         """
         mujoco.set_mju_user_warning(_quiet)
         self._period = control_period  # [s]
-        self._substeps = _whole_substeps(control_period, settings.timestep)
+        self._substeps = whole_substeps(control_period, settings.timestep)
         self.sources = (Path(model_path),)
         spec = build_spec(settings, Path(model_path))
         self._model = model = spec.compile()
@@ -324,7 +324,7 @@ def build_spec(settings: PlantSettings, model_path: Path) -> mujoco.MjSpec:
     return spec
 
 
-def _whole_substeps(control_period: float, timestep: float) -> int:
+def whole_substeps(control_period: float, timestep: float) -> int:
     """Number of physics steps in a hold; both in [s]."""
     if not (math.isfinite(timestep) and timestep > 0):
         raise UserError(f"plant.timestep = {timestep} s: must be positive")

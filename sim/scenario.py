@@ -121,9 +121,9 @@ class PlantSettings:
     """The true walker and its world; what differs from the model here, the controller does not know.
 
     Attributes:
-        kind: Physics engine.
+        kind: MuJoCo with contact, or the paper's ideal walker: pinned stance foot, rigid instantaneous impact.
         timestep: Physics step; a whole number of them makes a control period.
-        integrator: MuJoCo's integrator.
+        integrator: MuJoCo's integrator; the rigid plant always uses RK4.
         saturation: Whether the motors saturate at their torque limits.
         ground: The floor.
         mass_factor: Factors on mass and rotational inertia together, link by link.
@@ -131,7 +131,7 @@ class PlantSettings:
         torque_limit_factor: Factors on the motors' torque limits.
     """
 
-    kind: Literal["mujoco"] = "mujoco"
+    kind: Literal["mujoco", "rigid"] = "mujoco"
     timestep: Annotated[Second, POSITIVE] = 0.25e-3
     integrator: Literal["implicitfast", "RK4", "implicit", "Euler"] = "implicitfast"
     saturation: bool = True
