@@ -19,12 +19,15 @@ from sim import rigid_kernels as kernels
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, JOINTS, AppliedForce, Observation, PlantState, Vector
 from sim.kinematics import LEGS, LegGeometry
-from sim.plant import BODIES, build_spec, whole_substeps
+from sim.plant import BODIES, DETECTED_LINKS, build_spec, whole_substeps
 from sim.scenario import PlantSettings
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
-RK4_NODES = (0.5, 0.5, 1.0)
+RK4_NODES = (0.0, 0.5, 0.5, 1.0)
 RK4_WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
+EPS = float(np.finfo(float).eps)
+HEIGHT = 1  # of what `_swing_foot` returns
+NO_IMPULSE = np.zeros(2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,10 +108,13 @@ class RigidPlant:
         actuators = [model.actuator(name).id for name in JOINTS]
         limits: Vector = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
         self.torque_limits = limits[actuators]
-        self._thickness = {name: float(model.geom(name).size[0]) for name in ("torso", "left_femur", "right_femur")}
-        self._torso_top = 2.0 * float(model.geom("torso").size[1])  # [m], capsules are given by half their length
+        capsules = [model.geom(name).size for name in DETECTED_LINKS]
+        self._thickness = [float(size[0]) for size in capsules]  # [m]
+        self._lengths = [2.0 * float(size[1]) for size in capsules]  # [m], MJCF halves them
         slope = settings.ground.slope
         self._cos, self._sin = math.cos(slope), math.sin(slope)
+        self._normal = np.array([-self._sin, self._cos])
+        self._to_ground = np.array([[self._cos, -self._sin], [self._sin, self._cos]]) / control_period
         self._qpos, self._qvel = data.qpos, data.qvel  # live views, written only
         self._begin()
 
@@ -160,8 +166,8 @@ class RigidPlant:
         """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
         self._place(self._q, self._dq)
         hip, dhip = self._qpos[self._at.hip], self._qvel[self._at.hip]
-        foot = np.array([hip + self.legs.foot(self._q, leg) for leg in range(2)])
-        x, z = (self._force_time / self._period).T
+        other = np.array(self._foothold) + kernels.swing_foot(self._at, self._q, self._dq, self._leg)[:2]
+        foot = np.array((self._foothold, other) if self._leg == 0 else (other, self._foothold))
         return PlantState(
             t=self._ticks * self._period,
             q=self._q.copy(),
@@ -169,12 +175,12 @@ class RigidPlant:
             hip=hip,
             dhip=dhip,
             foot=foot,
-            clearance=np.array([self._above_ground(point) for point in foot]),
+            clearance=foot @ self._normal,
             torque=self._torque.copy(),
             contact=self._contact(),
-            contact_force=np.column_stack((x * self._cos + z * self._sin, z * self._cos - x * self._sin)),
+            contact_force=self._force_time @ self._to_ground,
             push=self._push.copy(),
-            penetrating=self._penetrating(hip),
+            penetrating=self._penetrating(hip.tolist()),
         )
 
     def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
@@ -211,41 +217,42 @@ class RigidPlant:
 
     def _advance(self, t: float, duration: float) -> None:
         """One step of integration, cut at an impact if there is one in it."""
-        q, dq, impulse = self._rk4(duration)
-        height_before = self._swing_foot(self._q, self._dq)[1]
-        ahead, height, _ = self._swing_foot(q, dq)
-        if not (height <= 0.0 < height_before and ahead > 0.0):
-            self._q, self._dq = q, dq
-            self._force_time[self._leg] += impulse
+        y = self._rk4(duration)
+        before = self._swing_foot(self._q, self._dq)[HEIGHT]
+        ahead, height, _ = self._swing_foot(y[:5], y[5:10])
+        if not (height <= 0.0 < before and ahead > 0.0):
+            self._take(y)
             return
 
         def height_at(tau: float) -> float:
-            return self._swing_foot(*self._rk4(tau)[:2])[1]
+            there = self._rk4(tau)
+            return self._swing_foot(there[:5], there[5:10])[HEIGHT]
 
-        eps = float(np.finfo(float).eps)
-        tau = float(brentq(height_at, 0.0, duration, xtol=eps * duration, rtol=4 * eps))
-        self._q, self._dq, impulse = self._rk4(tau)
-        self._force_time[self._leg] += impulse
+        tau = float(brentq(height_at, 0.0, duration, xtol=EPS * duration, rtol=4 * EPS))
+        self._take(self._rk4(tau))
         self._land(t + tau)
         if tau < duration:
             self._advance(t + tau, duration - tau)
 
-    def _rk4(self, h: float) -> tuple[Vector, Vector, Vector]:
-        """State after h [s] under the held torque: q, dq, and the ground's impulse over h in [N.s], (2,)."""
-        rates, accelerations, forces = np.empty((4, 5)), np.empty((4, 5)), np.empty((4, 2))
-        q, dq = self._q, self._dq
+    def _take(self, y: Vector) -> None:
+        """Make the result of `_rk4` the present."""
+        self._q, self._dq = y[:5], y[5:10]
+        self._force_time[self._leg] += y[10:]
+
+    def _rk4(self, h: float) -> Vector:
+        """Angles and rates after h [s] under the held torque, and the ground's impulse over h in [N.s], (12,)."""
+        start = np.concatenate((self._q, self._dq, NO_IMPULSE))
+        slopes = np.empty((4, 12))
+        y = start
         for stage in range(4):
             if stage:
-                node = RK4_NODES[stage - 1] * h
-                q, dq = self._q + node * rates[stage - 1], self._dq + node * accelerations[stage - 1]
-            rates[stage] = dq
-            self._accelerate(q, dq, accelerations[stage], forces[stage])
-        weights = h * RK4_WEIGHTS
-        return self._q + weights @ rates, self._dq + weights @ accelerations, weights @ forces
+                y = start + (RK4_NODES[stage] * h) * slopes[stage - 1]
+            self._derivative(y, slopes[stage])
+        return start + (h * RK4_WEIGHTS) @ slopes
 
-    def _accelerate(self, q: Vector, dq: Vector, ddq: Vector, force: Vector) -> None:
-        """Fill accelerations in [rad/s^2], (5,), and the ground's force (x, z) in [N], (2,)."""
-        self._place(q, dq)
+    def _derivative(self, y: Vector, dy: Vector) -> None:
+        """Fill the derivative of what `_rk4` returns, (12,)."""
+        self._place(y[:5], y[5:10])
         model, data, scratch = self._model, self._data, self._scratch
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -255,7 +262,7 @@ class RigidPlant:
         mujoco.mj_fullM(model, data, scratch.M)
         if self._forces:
             self._apply()
-        kernels.accelerate(self._at, q, dq, self._leg, scratch, ddq, force)
+        kernels.derivative(self._at, y, self._leg, scratch, dy)
 
     def _place(self, q: Vector, dq: Vector) -> None:
         kernels.place(self._at, q, dq, self._leg, self._foothold, self._qpos, self._qvel)
@@ -304,20 +311,16 @@ class RigidPlant:
     def _contact(self) -> tuple[bool, bool]:
         return self._leg == 0, self._leg == 1
 
-    def _above_ground(self, point: Vector) -> float:
-        """Distance of a point (x, z) from the ground in [m], negative below it."""
-        return float(point[1] * self._cos - point[0] * self._sin)
-
-    def _penetrating(self, hip: Vector) -> tuple[str, ...]:
+    def _penetrating(self, hip: Sequence[float]) -> tuple[str, ...]:
         """Links whose capsule reaches the ground, of those the other plant senses."""
-        tilt = float(self._q[-1])
-        top = hip + self._torso_top * np.array([-math.sin(tilt), math.cos(tilt)])
-        ends = {"torso": top}
-        for leg, name in enumerate(("left_femur", "right_femur")):
-            ends[name] = hip + self.legs.knee(self._q, leg)
-        hip_height = self._above_ground(hip)
-        return tuple(
-            name
-            for name, end in ends.items()
-            if min(hip_height, self._above_ground(end)) < self._thickness[name]
-        )
+        left, right, _, _, torso = self._q.tolist()
+        (hip_x, hip_z), cos, sin = hip, self._cos, self._sin
+        hip_height = hip_z * cos - hip_x * sin
+        found = []
+        for name, angle, length, thickness in zip(
+            DETECTED_LINKS, (torso, torso + left, torso + right), self._lengths, self._thickness, strict=True
+        ):
+            end_x, end_z = hip_x - length * math.sin(angle), hip_z + length * math.cos(angle)
+            if min(hip_height, end_z * cos - end_x * sin) < thickness:
+                found.append(name)
+        return tuple(found)

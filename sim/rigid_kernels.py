@@ -156,18 +156,18 @@ def solve(A: Array, x: Array) -> None:
 
 
 @compiled
-def accelerate(at: Layout, q: Array, dq: Array, leg: int, w: Scratch, ddq: Array, force: Array) -> None:
-    """Accelerations of the pinned walker and the force of the ground on its foot.
+def derivative(at: Layout, y: Array, leg: int, w: Scratch, dy: Array) -> None:
+    """Motion of the pinned walker: rates, accelerations, and the force of the ground on its foot.
 
     Args:
         at: Where things are.
-        q: Angles in [rad], (5,).
-        dq: Rates in [rad/s], (5,).
+        y: Angles in [rad] and rates in [rad/s], then what is not looked at, (12,).
         leg: The foot that is pinned, 0 left, 1 right.
         w: Work space with M, bias and applied filled.
-        ddq: Filled with accelerations in [rad/s^2], (5,).
-        force: Filled with the ground's force (x, z) in the world frame in [N], (2,).
+        dy: Filled with rates in [rad/s], accelerations in [rad/s^2], and the ground's force (x, z) in the world
+            frame in [N], (12,).
     """
+    q, dq, ddq, force = y[:5], y[5:10], dy[5:10], dy[10:]
     pin(at, q, dq, leg, w.T, w.shift)
     reduce(w.M, w.T, w.A)
     rest = np.empty(7)  # M s + c - tau
@@ -178,6 +178,7 @@ def accelerate(at: Layout, q: Array, dq: Array, leg: int, w: Scratch, ddq: Array
     for i in range(5):
         rest[at.q[i]] += at.damping[at.q[i]] * dq[i]
     for i in range(5):
+        dy[i] = dq[i]
         ddq[i] = 0.0
         for k in range(7):
             ddq[i] -= w.T[k, i] * rest[k]
