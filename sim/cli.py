@@ -13,6 +13,7 @@ from sim.errors import UserError
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
+    "poincare": "Fixed point and eigenvalues of the step-to-step map.",
 }
 
 EXIT_USER_ERROR = 2

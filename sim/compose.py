@@ -22,8 +22,10 @@ from sim.loop import Loop, NoTape, Progress, Stop
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
+from sim.rig import Rig
 from sim.rigid import RigidPlant
 from sim.scenario import ControllerSettings, Scenario, to_toml
+from sim.sections import Surface
 from sim.walkers import WalkerFolder
 
 FIRST_STANCE = "left"
@@ -85,9 +87,6 @@ def build_controller(settings: ControllerSettings, belief: Belief) -> Controller
         )
 
 
-PLANTS = {"mujoco": MujocoPlant, "rigid": RigidPlant}
-
-
 def build_plant(scenario: Scenario) -> MujocoPlant | RigidPlant:
     """The plant a scenario asks for, not yet reset.
 
@@ -95,7 +94,8 @@ def build_plant(scenario: Scenario) -> MujocoPlant | RigidPlant:
         UserError: a model file or a setting is not legal.
     """
     folder = WalkerFolder.find(scenario.walker)
-    return PLANTS[scenario.plant.kind](scenario.plant, folder.mjcf, scenario.controller.period)
+    plant = RigidPlant if scenario.plant.kind == "rigid" else MujocoPlant
+    return plant(scenario.plant, folder.mjcf, scenario.controller.period)
 
 
 def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
@@ -108,6 +108,28 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
     q, dq = q + np.array(scenario.start.q_offset), dq + np.array(scenario.start.dq_offset)
     q[-1] += scenario.start.torso_offset
     return q, dq
+
+
+def build_rig(scenario: Scenario) -> Rig:
+    """Plant and controller of a scenario for many runs.
+
+    Raises:
+        UserError: a file or a setting is not legal.
+    """
+    belief = load_belief(scenario)
+    plant = build_plant(scenario)
+    q, dq = belief.gait.post_impact(belief.model)
+    return Rig(
+        scenario=scenario,
+        plant=plant,
+        controller=build_controller(scenario.controller, belief),
+        com=plant.com,
+        torque_limits=plant.torque_limits,
+        q_start=q,
+        dq_start=dq,
+        x_gait=np.concatenate((belief.gait.q_minus, belief.gait.dq_minus)),
+        surface=Surface(plant.legs, scenario.plant.ground.slope),
+    )
 
 
 def run_scenario(

@@ -14,9 +14,9 @@ import numpy as np
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, FEET, JOINTS, AppliedForce, Observation, PlantState, Vector
+from sim.kinematics import LEGS, LegGeometry
 from sim.scenario import PlantSettings
 
-LEGS = ("left", "right")
 BODIES = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
 DETECTED_LINKS = ("torso", "left_femur", "right_femur")
 """Links sensed to touch the ground; a femur reaches to the knee, so it answers for the tibia's upper end."""
@@ -46,6 +46,7 @@ class MujocoPlant:
         torque_limits: Actuator limits in [N.m], (4,), ordered as `JOINTS`; infinite without saturation.
         mjcf_text: The model as compiled, modelling errors applied, as MJCF.
         sources: Files the plant was read from.
+        legs: Lengths of the legs.
     """
 
     def __init__(self, settings: PlantSettings, model_path: Path, control_period: float) -> None:
@@ -95,6 +96,7 @@ class MujocoPlant:
         self.torque_limits = limits[self._u_index]
         self._femur = float(model.body("left_tibia").pos[2])  # [m]
         self._tibia = float(model.geom("left_foot").pos[2])  # [m]
+        self.legs = LegGeometry(femur=self._femur, tibia=self._tibia)
         self._radius = float(model.geom("left_foot").size[0])  # [m]
         slope = settings.ground.slope
         self._cos, self._sin = math.cos(slope), math.sin(slope)
