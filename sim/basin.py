@@ -1,12 +1,12 @@
 """Basin of attraction: which torso offsets and first-step forces a walker comes back from.
 
 A constant horizontal force pushes the torso throughout the first step, and the first state is offset in one of two
-ways the paper's "we disturb q5" can be read. "q5": that coordinate alone; the joint angles stay, so the whole walker
-tilts about its stance foot, and for offsets above 0 the swing foot starts in the ground, which only a plant without
-contact can do. "torso": the torso tilts about the hip and the legs stay where they are.
+ways the paper's "we disturb q5" can be read. "q5": that coordinate alone; the joint angles stay, so the whole
+walker tilts about its stance foot, and for offsets above 0 the swing foot starts in the ground, which only a plant
+without contact can do. "torso": the torso tilts about the hip and the legs stay where they are.
 
-A run ends as converged when the state just before an impact comes within epsilon of the periodic one, as fallen when
-it falls, and as undecided after a limit of steps.
+A run ends as converged when the state just before an impact comes within epsilon of the periodic one, as fallen
+when it falls, and as undecided after a limit of steps.
 """
 
 import functools

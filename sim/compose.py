@@ -16,19 +16,24 @@ from controller.model import WalkerModel
 from controller.qp import make_solver
 from controller.zero_dynamics import ZeroDynamicsController
 from sim import provenance
+from sim.actuation import Actuation
 from sim.errors import UserError
-from sim.interface import Controller, Vector
+from sim.instruments import InstrumentedPlant
+from sim.interface import Controller, Plant, Vector
 from sim.loop import Loop, NoTape, Progress, Stop
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
 from sim.rig import Rig
 from sim.rigid import RigidPlant
-from sim.scenario import ControllerSettings, Scenario, to_toml
+from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
+from sim.sensors import Sensors
 from sim.walkers import WalkerFolder
 
 FIRST_STANCE = "left"
+RUN_UP = 2.0  # [m] of rough ground beyond what the steps need
+LONGEST_STEP = 0.6  # [m] a step may take on rough ground; the gait's are 0.4 m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +100,23 @@ def build_plant(scenario: Scenario) -> MujocoPlant | RigidPlant:
     """
     folder = WalkerFolder.find(scenario.walker)
     plant = RigidPlant if scenario.plant.kind == "rigid" else MujocoPlant
-    return plant(scenario.plant, folder.mjcf, scenario.controller.period)
+    return plant(
+        scenario.plant,
+        folder.mjcf,
+        scenario.controller.period,
+        seed=scenario.seed,
+        walk_length=RUN_UP + LONGEST_STEP * scenario.steps,
+    )
+
+
+def instrument(plant: Plant, scenario: Scenario) -> Plant:
+    """The plant behind the sensors and motors a scenario asks for; the plant itself if they do not err."""
+    if scenario.sensors == SensorSettings() and scenario.actuation == ActuationSettings():
+        return plant
+    period, seed = scenario.controller.period, scenario.seed
+    return InstrumentedPlant(
+        plant, Sensors(scenario.sensors, period, seed), Actuation(scenario.actuation, period, seed)
+    )
 
 
 def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
@@ -122,6 +143,7 @@ def build_rig(scenario: Scenario) -> Rig:
     return Rig(
         scenario=scenario,
         plant=plant,
+        walker=lambda: instrument(plant, scenario),
         controller=build_controller(scenario.controller, belief),
         com=plant.com,
         torque_limits=plant.torque_limits,
@@ -150,12 +172,13 @@ def run_scenario(
     controller = build_controller(scenario.controller, belief)
     plant = build_plant(scenario)
     q, dq = start_state(scenario, belief)
-    plant.reset(q, dq, FIRST_STANCE)
+    walker = instrument(plant, scenario)
+    walker.reset(q, dq, FIRST_STANCE)
     controller.reset(FIRST_STANCE)
 
     def loop(tape: NoTape | Recorder) -> RunSummary:
         return Loop(
-            plant=plant,
+            plant=walker,
             controller=controller,
             pushes=scenario.pushes,
             com=plant.com,
@@ -164,6 +187,7 @@ def run_scenario(
             end_time=scenario.end_time,
             tape=tape,
             torque_limits=plant.torque_limits,
+            period=scenario.controller.period,
         ).run(progress=progress, stop=stop, log=str(log) if log else "")
 
     if log is None:

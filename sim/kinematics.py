@@ -6,6 +6,7 @@ A link at absolute angle phi points along (-sin phi, cos phi). Joint vectors are
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,32 +23,41 @@ KNEE_OF = (2, 3)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LegGeometry:
-    """Lengths of a leg; both legs are alike.
+    """Lengths of the legs.
 
     Attributes:
-        femur: Hip to knee in [m].
-        tibia: Knee to foot point in [m].
+        lengths: (hip to knee, knee to foot point) in [m] of the left, then of the right leg.
     """
 
-    femur: float
-    tibia: float
+    lengths: tuple[tuple[float, float], tuple[float, float]]
 
-    def knee(self, q: Vector, leg: int) -> Vector:
-        """Knee of a leg from the hip in [m], (2,)."""
-        a = float(q[TORSO] + q[HIP_OF[leg]])
-        return np.array([-self.femur * math.sin(a), self.femur * math.cos(a)])
+    @classmethod
+    def of(cls, model: Any) -> "LegGeometry":
+        """The lengths in a compiled MuJoCo model of the walker."""
+        left, right = (
+            (float(model.body(f"{leg}_tibia").pos[2]), float(model.geom(f"{leg}_foot").pos[2])) for leg in LEGS
+        )
+        return cls(lengths=(left, right))
+
+    @property
+    def alike(self) -> bool:
+        """Whether both legs have the same lengths."""
+        return self.lengths[LEFT] == self.lengths[RIGHT]
 
     def foot(self, q: Vector, leg: int) -> Vector:
         """Foot point of a leg from the hip in [m], (2,)."""
-        b = float(q[TORSO] + q[HIP_OF[leg]] + q[KNEE_OF[leg]])
-        return self.knee(q, leg) + np.array([-self.tibia * math.sin(b), self.tibia * math.cos(b)])
+        femur, tibia = self.lengths[leg]
+        a = float(q[TORSO] + q[HIP_OF[leg]])
+        b = a + float(q[KNEE_OF[leg]])
+        return np.array([-femur * math.sin(a) - tibia * math.sin(b), femur * math.cos(a) + tibia * math.cos(b)])
 
     def foot_jacobian(self, q: Vector, leg: int) -> Vector:
         """Change of the foot point from the hip per joint angle in [m/rad], (2, 5)."""
         a = float(q[TORSO] + q[HIP_OF[leg]])
         b = a + float(q[KNEE_OF[leg]])
-        shin = np.array([-self.tibia * math.cos(b), -self.tibia * math.sin(b)])
-        whole = shin + np.array([-self.femur * math.cos(a), -self.femur * math.sin(a)])
+        femur, tibia = self.lengths[leg]
+        shin = np.array([-tibia * math.cos(b), -tibia * math.sin(b)])
+        whole = shin + np.array([-femur * math.cos(a), -femur * math.sin(a)])
         J = np.zeros((2, 5))
         J[:, HIP_OF[leg]] = J[:, TORSO] = whole
         J[:, KNEE_OF[leg]] = shin

@@ -1,6 +1,6 @@
 """A plant and a controller put together once, for many runs: other starts, pushes and ends, the same walker."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ class Rig:
     Attributes:
         scenario: What it was built from; its pushes and offsets are defaults of `run`.
         plant: The truth.
+        walker: Makes the plant as the controller meets it, with new sensors and motors.
         controller: The law.
         com: Centre of mass (x, z) of each link in its own frame in [m], by link name.
         torque_limits: In [N.m], (4,), ordered as `JOINTS`.
@@ -35,6 +36,7 @@ class Rig:
 
     scenario: Scenario
     plant: Plant
+    walker: Callable[[], Plant]
     controller: Controller
     com: dict[str, tuple[float, float]]
     torque_limits: Vector
@@ -71,11 +73,12 @@ class Rig:
         q = self.q_start + np.array(start.q_offset) if q is None else np.array(q)
         dq = self.dq_start + np.array(start.dq_offset) if dq is None else np.array(dq)
         q[-1] += start.torso_offset if torso_offset is None else torso_offset
-        self.plant.reset(q, dq, FIRST_STANCE)
+        walker = self.walker()
+        walker.reset(q, dq, FIRST_STANCE)
         self.controller.reset(FIRST_STANCE)
         steps = self.scenario.steps if steps is None else steps
         return Loop(
-            plant=self.plant,
+            plant=walker,
             controller=self.controller,
             pushes=self.scenario.pushes if pushes is None else pushes,
             com=self.com,
@@ -84,6 +87,7 @@ class Rig:
             end_time=end_time or max(self.scenario.end_time, 2.0 * steps),
             tape=tape,
             torque_limits=self.torque_limits,
+            period=self.scenario.controller.period,
         ).run(stop=stop)
 
     def sections(self) -> SectionTape:

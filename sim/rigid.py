@@ -19,8 +19,11 @@ from sim import rigid_kernels as kernels
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, JOINTS, AppliedForce, Observation, PlantState, Vector
 from sim.kinematics import LEGS, LegGeometry
-from sim.plant import BODIES, DETECTED_LINKS, build_spec, whole_substeps
+from sim.plant import DETECTED_LINKS, whole_substeps
+from sim.plant_spec import BODIES, build_spec
 from sim.scenario import PlantSettings
+from sim.tables import JointTorques
+from sim.terrain import Terrain
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
 RK4_NODES = (0.0, 0.5, 0.5, 1.0)
@@ -68,13 +71,24 @@ class RigidPlant:
         impact: The last impact, None before the first.
     """
 
-    def __init__(self, settings: PlantSettings, model_path: Path, control_period: float) -> None:
+    def __init__(
+        self,
+        settings: PlantSettings,
+        model_path: Path,
+        control_period: float,
+        *,
+        seed: int = 0,
+        walk_length: float = 20.0,
+    ) -> None:
         """Read, modify and compile the model.
 
         Args:
-            settings: Time step, ground and modelling errors; the integrator is RK4 whatever they say.
+            settings: Time step, ground and modelling errors; the integrator is RK4 whatever they say, and friction
+                and stiffness of the ground play no part.
             model_path: MJCF file of the walker.
             control_period: Duration of one hold in [s].
+            seed: The scenario's seed, for rough ground.
+            walk_length: How far rough ground has to reach in [m].
 
         Raises:
             UserError: the file is missing or unreadable, or a setting is not legal.
@@ -82,7 +96,10 @@ class RigidPlant:
         self._period = control_period  # [s]
         self._substeps = whole_substeps(control_period, settings.timestep)
         self.sources = (Path(model_path),)
-        spec = build_spec(settings, Path(model_path))
+        if settings.joint_friction != JointTorques():
+            raise UserError('plant.joint_friction: the rigid plant has none; must be 0, or plant.kind = "mujoco"')
+        self._terrain = Terrain(settings.ground, seed=seed, length=walk_length)
+        spec = build_spec(settings, Path(model_path), self._terrain)
         self._model = model = spec.compile()
         self._data = data = mujoco.MjData(model)
         self.mjcf_text: str = spec.to_xml()
@@ -90,15 +107,12 @@ class RigidPlant:
         def dof(joint: str) -> int:
             return int(model.jnt_dofadr[model.joint(joint).id])
 
-        self.legs = LegGeometry(
-            femur=float(model.body("left_tibia").pos[2]), tibia=float(model.geom("left_foot").pos[2])
-        )
+        self.legs = LegGeometry.of(model)
         self._at = kernels.Layout(
             hip=np.array([dof("hip_x"), dof("hip_z")]),
             q=np.array([dof(name) for name in COORDINATES]),
             damping=np.array(model.dof_damping),
-            femur=self.legs.femur,
-            tibia=self.legs.tibia,
+            lengths=np.array(self.legs.lengths),
         )
         self._scratch = kernels.new_scratch()
         self._joint_dof = self._at.q[: len(JOINTS)]
@@ -108,13 +122,8 @@ class RigidPlant:
         actuators = [model.actuator(name).id for name in JOINTS]
         limits: Vector = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
         self.torque_limits = limits[actuators]
-        capsules = [model.geom(name).size for name in DETECTED_LINKS]
-        self._thickness = [float(size[0]) for size in capsules]  # [m]
-        self._lengths = [2.0 * float(size[1]) for size in capsules]  # [m], MJCF halves them
-        slope = settings.ground.slope
-        self._cos, self._sin = math.cos(slope), math.sin(slope)
-        self._normal = np.array([-self._sin, self._cos])
-        self._to_ground = np.array([[self._cos, -self._sin], [self._sin, self._cos]]) / control_period
+        sizes = [model.geom(name).size for name in DETECTED_LINKS]
+        self._capsules = [(2.0 * float(size[1]), float(size[0])) for size in sizes]  # [m] length, thickness
         self._qpos, self._qvel = data.qpos, data.qvel  # live views, written only
         self._begin()
 
@@ -122,7 +131,7 @@ class RigidPlant:
         self._ticks = 0
         self._q, self._dq = np.zeros(5), np.zeros(5)
         self._leg = 0
-        self._foothold = np.zeros(2)
+        self._foothold = np.array([0.0, self._terrain.height(0.0)])
         self._torque = np.zeros(4)  # [N.m]
         self._force_time = np.zeros((2, 2))  # [N.s] ground force (x, z) on each foot, integrated over the hold
         self._push = np.zeros(2)  # [N]
@@ -166,8 +175,14 @@ class RigidPlant:
         """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
         self._place(self._q, self._dq)
         hip, dhip = self._qpos[self._at.hip], self._qvel[self._at.hip]
-        other = np.array(self._foothold) + kernels.swing_foot(self._at, self._q, self._dq, self._leg)[:2]
+        other = self._foothold + kernels.swing_foot(self._at, self._q, self._dq, self._leg)[:2]
         foot = np.array((self._foothold, other) if self._leg == 0 else (other, self._foothold))
+        clearance, contact_force = [], []
+        for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self._period).tolist(), strict=True):
+            ground = self._terrain.under(x)
+            cos, sin = math.cos(ground.angle), math.sin(ground.angle)
+            clearance.append((z - ground.height(x)) * cos)
+            contact_force.append((fx * cos + fz * sin, fz * cos - fx * sin))
         return PlantState(
             t=self._ticks * self._period,
             q=self._q.copy(),
@@ -175,10 +190,10 @@ class RigidPlant:
             hip=hip,
             dhip=dhip,
             foot=foot,
-            clearance=foot @ self._normal,
+            clearance=np.array(clearance),
             torque=self._torque.copy(),
             contact=self._contact(),
-            contact_force=self._force_time @ self._to_ground,
+            contact_force=np.array(contact_force),
             push=self._push.copy(),
             penetrating=self._penetrating(hip.tolist()),
         )
@@ -303,10 +318,12 @@ class RigidPlant:
         self._leg, self._dq = landing, after
 
     def _swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
-        """Swing foot from the stance foot: distance ahead and height in [m], rate of the height in [m/s]."""
+        """Swing foot: distance ahead of the stance foot, height over the ground in [m], its rate in [m/s]."""
         x, z, dx, dz = kernels.swing_foot(self._at, q, dq, self._leg)
-        cos, sin = self._cos, self._sin
-        return x * cos + z * sin, z * cos - x * sin, dz * cos - dx * sin
+        at = float(self._foothold[0]) + x
+        ground = self._terrain.under(at)
+        height = float(self._foothold[1]) + z - ground.height(at)
+        return x, height, dz - math.tan(ground.angle) * dx
 
     def _contact(self) -> tuple[bool, bool]:
         return self._leg == 0, self._leg == 1
@@ -314,13 +331,10 @@ class RigidPlant:
     def _penetrating(self, hip: Sequence[float]) -> tuple[str, ...]:
         """Links whose capsule reaches the ground, of those the other plant senses."""
         left, right, _, _, torso = self._q.tolist()
-        (hip_x, hip_z), cos, sin = hip, self._cos, self._sin
-        hip_height = hip_z * cos - hip_x * sin
+        angles = (torso, torso + left, torso + right)
         found = []
-        for name, angle, length, thickness in zip(
-            DETECTED_LINKS, (torso, torso + left, torso + right), self._lengths, self._thickness, strict=True
-        ):
-            end_x, end_z = hip_x - length * math.sin(angle), hip_z + length * math.cos(angle)
-            if min(hip_height, end_z * cos - end_x * sin) < thickness:
+        for name, angle, (length, thickness) in zip(DETECTED_LINKS, angles, self._capsules, strict=True):
+            end = hip[0] - length * math.sin(angle), hip[1] + length * math.cos(angle)
+            if any(z - self._terrain.height(x) < thickness for x, z in (hip, end)):
                 found.append(name)
         return tuple(found)

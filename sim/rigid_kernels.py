@@ -28,15 +28,13 @@ class Layout(NamedTuple):
         hip: Addresses of hip x and hip z, (2,).
         q: Addresses of the five angles, (5,).
         damping: Damping of every degree of freedom in [N.m.s/rad], (7,).
-        femur: Hip to knee in [m].
-        tibia: Knee to foot point in [m].
+        lengths: Hip to knee and knee to foot point in [m], a row a leg, (2, 2).
     """
 
     hip: NDArray[np.intp]
     q: NDArray[np.intp]
     damping: Array
-    femur: float
-    tibia: float
+    lengths: Array
 
 
 class Scratch(NamedTuple):
@@ -67,14 +65,15 @@ def new_scratch() -> Scratch:
 @compiled
 def place(at: Layout, q: Array, dq: Array, leg: int, foothold: Array, qpos: Array, qvel: Array) -> None:
     """MuJoCo's position and velocity of the walker whose foot `leg` (0 left, 1 right) rests on the foothold."""
+    femur, tibia = at.lengths[leg, 0], at.lengths[leg, 1]
     a = q[TORSO] + q[leg]
     b = a + q[2 + leg]
     da = dq[TORSO] + dq[leg]
     db = da + dq[2 + leg]
-    qpos[at.hip[0]] = foothold[0] + at.femur * np.sin(a) + at.tibia * np.sin(b)
-    qpos[at.hip[1]] = foothold[1] - at.femur * np.cos(a) - at.tibia * np.cos(b)
-    qvel[at.hip[0]] = at.femur * da * np.cos(a) + at.tibia * db * np.cos(b)
-    qvel[at.hip[1]] = at.femur * da * np.sin(a) + at.tibia * db * np.sin(b)
+    qpos[at.hip[0]] = foothold[0] + femur * np.sin(a) + tibia * np.sin(b)
+    qpos[at.hip[1]] = foothold[1] - femur * np.cos(a) - tibia * np.cos(b)
+    qvel[at.hip[0]] = femur * da * np.cos(a) + tibia * db * np.cos(b)
+    qvel[at.hip[1]] = femur * da * np.sin(a) + tibia * db * np.sin(b)
     for i in range(5):
         qpos[at.q[i]] = q[i]
         qvel[at.q[i]] = dq[i]
@@ -83,6 +82,7 @@ def place(at: Layout, q: Array, dq: Array, leg: int, foothold: Array, qpos: Arra
 @compiled
 def pin(at: Layout, q: Array, dq: Array, leg: int, T: Array, shift: Array) -> None:
     """T and s of the walker pinned at foot `leg`."""
+    femur, tibia = at.lengths[leg, 0], at.lengths[leg, 1]
     a = q[TORSO] + q[leg]
     b = a + q[2 + leg]
     da = dq[TORSO] + dq[leg]
@@ -92,12 +92,12 @@ def pin(at: Layout, q: Array, dq: Array, leg: int, T: Array, shift: Array) -> No
     for i in range(5):
         T[at.q[i], i] = 1.0
     x, z = at.hip[0], at.hip[1]
-    T[x, 2 + leg] = at.tibia * np.cos(b)
-    T[z, 2 + leg] = at.tibia * np.sin(b)
-    T[x, leg] = T[x, TORSO] = at.femur * np.cos(a) + at.tibia * np.cos(b)
-    T[z, leg] = T[z, TORSO] = at.femur * np.sin(a) + at.tibia * np.sin(b)
-    shift[x] = -at.femur * da * da * np.sin(a) - at.tibia * db * db * np.sin(b)
-    shift[z] = at.femur * da * da * np.cos(a) + at.tibia * db * db * np.cos(b)
+    T[x, 2 + leg] = tibia * np.cos(b)
+    T[z, 2 + leg] = tibia * np.sin(b)
+    T[x, leg] = T[x, TORSO] = femur * np.cos(a) + tibia * np.cos(b)
+    T[z, leg] = T[z, TORSO] = femur * np.sin(a) + tibia * np.sin(b)
+    shift[x] = -femur * da * da * np.sin(a) - tibia * db * db * np.sin(b)
+    shift[z] = femur * da * da * np.cos(a) + tibia * db * db * np.cos(b)
 
 
 @compiled
@@ -106,14 +106,15 @@ def swing_foot(at: Layout, q: Array, dq: Array, leg: int) -> tuple[float, float,
     x = z = dx = dz = 0.0
     for side in range(2):
         sign = -1.0 if side == leg else 1.0
+        femur, tibia = at.lengths[side, 0], at.lengths[side, 1]
         a = q[TORSO] + q[side]
         b = a + q[2 + side]
         da = dq[TORSO] + dq[side]
         db = da + dq[2 + side]
-        x -= sign * (at.femur * np.sin(a) + at.tibia * np.sin(b))
-        z += sign * (at.femur * np.cos(a) + at.tibia * np.cos(b))
-        dx -= sign * (at.femur * da * np.cos(a) + at.tibia * db * np.cos(b))
-        dz -= sign * (at.femur * da * np.sin(a) + at.tibia * db * np.sin(b))
+        x -= sign * (femur * np.sin(a) + tibia * np.sin(b))
+        z += sign * (femur * np.cos(a) + tibia * np.cos(b))
+        dx -= sign * (femur * da * np.cos(a) + tibia * db * np.cos(b))
+        dz -= sign * (femur * da * np.sin(a) + tibia * db * np.sin(b))
     return x, z, dx, dz
 
 
