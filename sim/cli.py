@@ -13,6 +13,7 @@ from sim.errors import UserError
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
+    "reproduce": "The paper's figures and tables again, with a verdict for each claim.",
     "poincare": "Fixed point and eigenvalues of the step-to-step map.",
 }
 

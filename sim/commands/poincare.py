@@ -145,7 +145,7 @@ def _text(report: dict[str, Any], scenario: Scenario) -> str:
         row("largest |eigenvalue|", f"{report['largest']:.4f}{spread}, perturbation {report['step_size']:g} rad")
         magnitudes = sorted((math.hypot(*value) for value in report["eigenvalues"]), reverse=True)
         row("all |eigenvalues|", " ".join(f"{value:.3f}" for value in magnitudes))
-        row("roughness of the map", f"{report['roughness']:.1e} rad at perturbations of 1e-7 rad")
+        row("roughness of the map", f"{report['roughness']:.1e} rad at perturbations of 1e-4 rad")
         lines.append("  step-size study")
         for entry in report["study"]:
             value = "falls" if entry["largest"] is None else f"{entry['largest']:.5f}"
