@@ -84,18 +84,20 @@ class CascadedMpc:
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
         self.stance.reset(stance)
+        self.solver.reset()
 
     def step(self, observation: Observation) -> ControlStep:
-        """One tick, as listed in Sec. III.D."""
+        """One tick, as listed in Sec. III.D.
+
+        Implements: Eq. (23).
+        """
         state = self.stance.update(observation)  # which leg stands
         horizon = predict(self.model, self.gait, self.gains, state, self.N, self.T)  # Eqs. (10)-(13)
         if horizon.is_finite:
-            problem = build_problem(
-                horizon, self.weights, self.model.torque_limits, self.friction
-            )  # Eqs. (14)-(22)
+            problem = build_problem(horizon, self.weights, self.model.torque_limits, self.friction)  # Eqs. (14)-(22)
             solution = self.solver.solve(problem)
         else:
-            solution = failed(self.N, "prediction diverged")
+            solution = failed(self.N, "prediction-diverged")
         u = horizon.u[0]
         limit = self.model.torque_limits
         if solution.found:

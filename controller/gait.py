@@ -1,7 +1,4 @@
-"""A gait: Bezier outputs h_d over the internal clock theta, and the file it comes from.
-
-Implements: Eq. (5) (the outputs) and the clock theta = c q below it.
-"""
+"""A gait: Bezier outputs h_d over the internal clock theta, and the file it comes from."""
 
 import tomllib
 from dataclasses import dataclass
@@ -21,7 +18,9 @@ _N_Q, _N_U = kernels.N_Q, kernels.N_U
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gait:
-    """One periodic step.
+    """One periodic step: the h_d and the clock theta = c q of the outputs y = h_0(q) - h_d(theta).
+
+    Implements: Eq. (5).
 
     Attributes:
         name: Name in messages and logs.
@@ -43,9 +42,7 @@ class Gait:
     table: kernels.GaitTable
 
     @classmethod
-    def of(
-        cls, *, name: str, source: str, alpha: Vector, clock: Vector, q_minus: Vector, dq_minus: Vector
-    ) -> "Gait":
+    def of(cls, *, name: str, source: str, alpha: Vector, clock: Vector, q_minus: Vector, dq_minus: Vector) -> "Gait":
         """Build a gait; the clock's range follows from the posture before impact and its mirror image."""
         theta_plus, theta_minus = float(clock @ swap_legs(q_minus)), float(clock @ q_minus)
         table = kernels.GaitTable(
@@ -145,6 +142,8 @@ def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
         q_minus=_array(data, "q_minus", where, size=_N_Q),
         dq_minus=_array(data, "dq_minus", where, size=_N_Q),
     )
+    if gait.clock[-1] == 0.0:
+        raise ControllerInputError(f"{where}: clock[4] = 0.0; legal: not 0, the clock must feel the torso angle")
     if "degree" in data and data["degree"] != alpha.shape[1] - 1:
         raise ControllerInputError(
             f"{where}: degree = {data['degree']!r} but alpha has {alpha.shape[1]} columns; legal: degree + 1 columns"
@@ -184,9 +183,7 @@ def _tolerance(data: dict[str, Any], key: str, default: float, where: str) -> fl
     return float(value)
 
 
-def _array(
-    data: dict[str, Any], key: str, where: str, *, size: int | None = None, rows: int | None = None
-) -> Vector:
+def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = None, rows: int | None = None) -> Vector:
     """A finite array of (size,) or (rows, at least 3) from a gait file."""
     legal = f"{size} numbers" if size else f"{rows} rows of equal length, at least 3 coefficients each"
     if key not in data:

@@ -12,6 +12,8 @@ units. Small loops are written out because LAPACK calls cost more than the arith
 `fastmath`: results must be the same bytes everywhere.
 """
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -74,40 +76,37 @@ class Gains(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """Scratch of one stage: what the closed loop needs to know about one state.
+    """Scratch of one stage: what the closed loop needs to know about one state. "Link" means per link angle phi.
 
     Attributes:
-        phi, dphi: Link angles and rates, (5,).
+        phi, dphi, ddphi: Link angles, rates and accelerations, (5,).
         sin, cos: Of the link angles, (5,).
-        D: Inertia matrix in link coordinates, overwritten by its Cholesky factor, (5, 5).
-        bias: C dphi + G in link coordinates, (5,).
-        DinvB: Acceleration per torque in the paper's coordinates, D^-1 B, (5, 4).
-        drift: Acceleration without torque in the paper's coordinates, (5,).
-        link_DinvB: D^-1 B in link coordinates, (5, 4).
-        link_drift: Drift in link coordinates, (5,).
+        D: Link inertia matrix, lower triangle, (5, 5).
+        L: Its Cholesky factor, (5, 5).
+        bias: Link C dphi + G, (5,).
+        link_BtDinv: Link acceleration per torque, a row a torque, (4, 5).
+        BtDinv: The same in the paper's coordinates, (D^-1 B)', (4, 5).
         y, dy: Outputs and rates, (4,).
         h1: dh_d/dtheta, (4,).
         h2: d2h_d/dtheta2, (4,).
-        decoupling: L_g L_f h, overwritten by elimination, (4, 4).
-        u: ZD+PD torque, (4,).
-        ddq: Acceleration under u, (5,).
+        u: Torque, (4,).
+        ddq: Acceleration in the paper's coordinates, (5,).
     """
 
     phi: Array
     dphi: Array
+    ddphi: Array
     sin: Array
     cos: Array
     D: Array
+    L: Array
     bias: Array
-    DinvB: Array
-    drift: Array
-    link_DinvB: Array
-    link_drift: Array
+    link_BtDinv: Array
+    BtDinv: Array
     y: Array
     dy: Array
     h1: Array
     h2: Array
-    decoupling: Array
     u: Array
     ddq: Array
 
@@ -117,8 +116,8 @@ def new_stage() -> Stage:
     """Allocate the scratch of one stage."""
     e = np.empty
     return Stage(
-        e(5), e(5), e(5), e(5), e((5, 5)), e(5), e((5, 4)), e(5), e((5, 4)), e(5),
-        e(4), e(4), e(4), e(4), e((4, 4)), e(4), e(5),
+        e(5), e(5), e(5), e(5), e(5), e((5, 5)), e((5, 5)), e(5), e((4, 5)), e((4, 5)),
+        e(4), e(4), e(4), e(4), e(4), e(5),
     )  # fmt: skip
 
 
@@ -142,108 +141,112 @@ def from_links(phi: Array, q: Array) -> None:
     q[4] = phi[4]
 
 
-@compiled
-def cholesky(D: Array) -> None:
-    """Overwrite the lower triangle of a symmetric positive definite matrix by its Cholesky factor."""
-    n = D.shape[0]
-    for j in range(n):
-        d = D[j, j]
-        for k in range(j):
-            d -= D[j, k] * D[j, k]
-        d = np.sqrt(d)
-        D[j, j] = d
-        for i in range(j + 1, n):
-            v = D[i, j]
+def _cholesky(n: int) -> tuple[Callable[[Array], None], Callable[[Array, Array], None]]:
+    """Factorisation and solve for n x n; with n known to the compiler the loops are unrolled, four times as fast."""
+
+    @compiled
+    def factorise(D: Array) -> None:
+        """Overwrite the lower triangle of a symmetric positive definite matrix by its Cholesky factor.
+
+        The diagonal gets the reciprocals of the factor's: a solve then multiplies where it would divide.
+        """
+        for j in range(n):
+            d = D[j, j]
             for k in range(j):
-                v -= D[i, k] * D[j, k]
-            D[i, j] = v / d
+                d -= D[j, k] * D[j, k]
+            d = 1.0 / np.sqrt(d)
+            D[j, j] = d
+            for i in range(j + 1, n):
+                v = D[i, j]
+                for k in range(j):
+                    v -= D[i, k] * D[j, k]
+                D[i, j] = v * d
+
+    @compiled
+    def solve(L: Array, x: Array) -> None:
+        """Solve L L' x = rhs in place, L from the factorisation."""
+        for i in range(n):
+            v = x[i]
+            for k in range(i):
+                v -= L[i, k] * x[k]
+            x[i] = v * L[i, i]
+        for i in range(n - 1, -1, -1):
+            v = x[i]
+            for k in range(i + 1, n):
+                v -= L[k, i] * x[k]
+            x[i] = v * L[i, i]
+
+    return factorise, solve
+
+
+cholesky4, cholesky4_solve = _cholesky(4)
+cholesky5, cholesky5_solve = _cholesky(5)
 
 
 @compiled
-def cholesky_solve(L: Array, x: Array) -> None:
-    """Solve L L' x = rhs in place."""
-    n = L.shape[0]
-    for i in range(n):
-        v = x[i]
-        for k in range(i):
-            v -= L[i, k] * x[k]
-        x[i] = v / L[i, i]
-    for i in range(n - 1, -1, -1):
-        v = x[i]
-        for k in range(i + 1, n):
-            v -= L[k, i] * x[k]
-        x[i] = v / L[i, i]
-
-
-@compiled
-def eliminate(A: Array, x: Array) -> None:
-    """Solve A x = rhs in place by Gaussian elimination with partial pivoting; A is overwritten."""
-    n = A.shape[0]
-    for j in range(n):
-        p = j
-        for i in range(j + 1, n):
-            if abs(A[i, j]) > abs(A[p, j]):
-                p = i
-        if p != j:
-            for k in range(n):
-                A[j, k], A[p, k] = A[p, k], A[j, k]
-            x[j], x[p] = x[p], x[j]
-        for i in range(j + 1, n):
-            m = A[i, j] / A[j, j]
-            for k in range(j + 1, n):
-                A[i, k] -= m * A[j, k]
-            x[i] -= m * x[j]
-    for i in range(n - 1, -1, -1):
-        v = x[i]
-        for k in range(i + 1, n):
-            v -= A[i, k] * x[k]
-        x[i] = v / A[i, i]
+def place(q: Array, dq: Array, stage: Stage) -> None:
+    """Put the walker into a state: link angles, their rates, sines and cosines. All that follows starts from here."""
+    to_links(q, stage.phi)
+    to_links(dq, stage.dphi)
+    for i in range(N_Q):
+        stage.sin[i] = np.sin(stage.phi[i])
+        stage.cos[i] = np.cos(stage.phi[i])
 
 
 @compiled
 def link_inertia(walker: Walker, stage: Stage) -> None:
-    """D and C dphi + G in link coordinates at the stage's phi, dphi."""
+    """D (lower triangle) and C dphi + G in link coordinates."""
     for i in range(N_Q):
-        stage.sin[i] = np.sin(stage.phi[i])
-        stage.cos[i] = np.cos(stage.phi[i])
+        stage.bias[i] = -walker.gravity * walker.b[i] * stage.sin[i]
+        stage.D[i, i] = walker.A[i, i]
     for i in range(N_Q):
-        bias = -walker.gravity * walker.b[i] * stage.sin[i]
-        for j in range(N_Q):
+        for j in range(i):
             a = walker.A[i, j]
             stage.D[i, j] = a * (stage.cos[i] * stage.cos[j] + stage.sin[i] * stage.sin[j])
-            sine = stage.sin[i] * stage.cos[j] - stage.cos[i] * stage.sin[j]
-            bias += a * sine * stage.dphi[j] * stage.dphi[j]
-        stage.bias[i] = bias
+            coriolis = a * (stage.sin[i] * stage.cos[j] - stage.cos[i] * stage.sin[j])
+            stage.bias[i] += coriolis * stage.dphi[j] * stage.dphi[j]
+            stage.bias[j] -= coriolis * stage.dphi[i] * stage.dphi[i]
 
 
 @compiled
-def accelerations(walker: Walker, q: Array, dq: Array, stage: Stage) -> None:
-    """Drift f and input map D^-1 B of the stance dynamics, Eqs. (1)-(2), with joint damping in the drift."""
-    to_links(q, stage.phi)
-    to_links(dq, stage.dphi)
+def factor_inertia(stage: Stage) -> None:
+    """Cholesky factor of the link inertia matrix, after `link_inertia`."""
+    for i in range(N_Q):
+        for j in range(i + 1):
+            stage.L[i, j] = stage.D[i, j]
+    cholesky5(stage.L)
+
+
+@compiled
+def accelerate(walker: Walker, dq: Array, u: Array, stage: Stage) -> None:
+    """Acceleration under a torque u, Eqs. (1)-(2) with joint damping, after `place`."""
     link_inertia(walker, stage)
-    cholesky(stage.D)
-    damp = walker.damping
-    # Joint torques act on links as B_phi tau = H^-T B tau.
-    x = stage.link_drift
-    x[0] = -stage.bias[0] - damp[0] * dq[0] + damp[2] * dq[2]
-    x[1] = -stage.bias[1] - damp[1] * dq[1] + damp[3] * dq[3]
-    x[2] = -stage.bias[2] - damp[2] * dq[2]
-    x[3] = -stage.bias[3] - damp[3] * dq[3]
-    x[4] = -stage.bias[4] + damp[0] * dq[0] + damp[1] * dq[1]
-    cholesky_solve(stage.D, x)
-    from_links(x, stage.drift)
+    factor_inertia(stage)
+    tau = np.zeros(N_Q)
+    for i in range(N_U):
+        tau[i] = u[i] - walker.damping[i] * dq[i]
+    # Joint torques act on links as H^-T B tau.
+    x = stage.ddphi
+    x[0] = tau[0] - tau[2] - stage.bias[0]
+    x[1] = tau[1] - tau[3] - stage.bias[1]
+    x[2] = tau[2] - stage.bias[2]
+    x[3] = tau[3] - stage.bias[3]
+    x[4] = -tau[0] - tau[1] - stage.bias[4]
+    cholesky5_solve(stage.L, x)
+    from_links(x, stage.ddq)
+
+
+@compiled
+def responses(stage: Stage) -> None:
+    """Acceleration per torque, D^-1 B of Eqs. (2) and (12), after `factor_inertia`."""
     for j in range(N_U):
-        column = stage.link_DinvB[:, j]
+        x = stage.link_BtDinv[j]
         for i in range(N_Q):
-            column[i] = 0.0
-        column[j] = 1.0
-        if j < 2:
-            column[4] = -1.0
-        else:
-            column[j - 2] = -1.0
-        cholesky_solve(stage.D, column)
-        from_links(column, stage.DinvB[:, j])
+            x[i] = 0.0
+        x[j] = 1.0
+        x[4 if j < 2 else j - 2] = -1.0
+        cholesky5_solve(stage.L, x)
+        from_links(x, stage.BtDinv[j])
 
 
 @compiled
@@ -275,109 +278,137 @@ def outputs(gait: GaitTable, q: Array, dq: Array, stage: Stage) -> tuple[float, 
 def closed_loop(
     walker: Walker, gait: GaitTable, gains: Gains, q: Array, dq: Array, stage: Stage
 ) -> tuple[float, float]:
-    """ZD+PD torque and the acceleration under it, Eqs. (5)-(9); returns theta and its rate."""
-    accelerations(walker, q, dq, stage)
+    """ZD+PD torque and the acceleration under it, Eqs. (5)-(9), after `place`; returns theta and its rate.
+
+    The torque of Eq. (7) makes ddy = v. With one unactuated degree of freedom its 4 x 4 system reduces to a scalar
+    one: ddq_a = v + h'' dtheta^2 + h' ddtheta for the actuated joints, and the equation of motion of the torso
+    angle, which no torque enters, gives ddtheta. The other equations of motion then give the torque.
+    """
+    link_inertia(walker, stage)
     theta, dtheta = outputs(gait, q, dq, stage)
-    drift_theta = 0.0
+    # Row of the torso angle in the paper's coordinates: H' sums the link equations.
+    D, c = stage.D, gait.clock
+    bias = 0.0
+    ddphi = stage.ddphi
     for i in range(N_Q):
-        drift_theta += gait.clock[i] * stage.drift[i]
+        bias += stage.bias[i]
+        column = 0.0
+        for j in range(N_Q):
+            column += D[i, j] if j <= i else D[j, i]
+        ddphi[i] = column
+    total = ddphi[0] + ddphi[1] + ddphi[2] + ddphi[3] + ddphi[4]
+    row = stage.ddq
+    row[0] = ddphi[0] + ddphi[2]
+    row[1] = ddphi[1] + ddphi[3]
+    row[2] = ddphi[2]
+    row[3] = ddphi[3]
+    # row . ddq_a + total * ddq_5 + bias = 0 with ddq_a = free + h' ddtheta, ddq_5 = (ddtheta - c_a . ddq_a) / c_5
+    constant, slope, clock_free, clock_slope = bias, 0.0, 0.0, 0.0
     for i in range(N_U):
         v = -gains.kd[i] * stage.dy[i] - gains.kp[i] * stage.y[i]  # Eq. (9)
-        lie2 = stage.drift[i] - stage.h1[i] * drift_theta - stage.h2[i] * dtheta * dtheta  # L_f^2 h
-        stage.u[i] = v - lie2
-    for j in range(N_U):
-        theta_j = 0.0
-        for i in range(N_Q):
-            theta_j += gait.clock[i] * stage.DinvB[i, j]
-        for i in range(N_U):
-            stage.decoupling[i, j] = stage.DinvB[i, j] - stage.h1[i] * theta_j  # L_g L_f h
-    eliminate(stage.decoupling, stage.u)  # Eq. (7)
+        stage.u[i] = v + stage.h2[i] * dtheta * dtheta
+        constant += row[i] * stage.u[i]
+        slope += row[i] * stage.h1[i]
+        clock_free += c[i] * stage.u[i]
+        clock_slope += c[i] * stage.h1[i]
+    ddtheta = (total * clock_free / c[4] - constant) / (slope + total * (1.0 - clock_slope) / c[4])
+    ddq = stage.ddq
+    for i in range(N_U):
+        ddq[i] = stage.u[i] + stage.h1[i] * ddtheta
+    ddq[4] = (ddtheta * (1.0 - clock_slope) - clock_free) / c[4]
+    to_links(ddq, ddphi)
+    force = np.empty(N_Q)
     for i in range(N_Q):
-        a = stage.drift[i]
-        for j in range(N_U):
-            a += stage.DinvB[i, j] * stage.u[j]
-        stage.ddq[i] = a
+        f = stage.bias[i]
+        for j in range(N_Q):
+            f += (D[i, j] if j <= i else D[j, i]) * ddphi[j]
+        force[i] = f
+    stage.u[0] = force[0] + force[2] + walker.damping[0] * dq[0]
+    stage.u[1] = force[1] + force[3] + walker.damping[1] * dq[1]
+    stage.u[2] = force[2] + walker.damping[2] * dq[2]
+    stage.u[3] = force[3] + walker.damping[3] * dq[3]
     return theta, dtheta
 
 
 @compiled
-def stance_force(walker: Walker, u: Array, stage: Stage, force: Array, per_torque: Array) -> None:
-    """Stance contact force F_f under torque u and its change per torque, -S_MPC, Eqs. (18) and (20).
+def stance_force(walker: Walker, stage: Stage, force: Array) -> None:
+    """Stance contact force, Eq. (18), at the stage's link accelerations; (tangential, normal) in [N], (2,).
 
     Written as the momentum balance of the pinned walker, F = m (ddp_com + g), which is what Eq. (18) says of a
-    foot that does not move. `accelerations` must have run.
-
-    Args:
-        walker: Lumped constants.
-        u: Torque in [N.m], (4,), stance order.
-        stage: Scratch.
-        force: Filled with (tangential, normal) in [N], (2,).
-        per_torque: Filled with dF/du in [1/m], (2, 4).
+    foot that does not move.
     """
     tangential = 0.0
     normal = walker.mass * walker.gravity
     for i in range(N_Q):
         square = stage.dphi[i] * stage.dphi[i]
-        tangential += walker.b[i] * (stage.sin[i] * square - stage.cos[i] * stage.link_drift[i])
-        normal += walker.b[i] * (-stage.cos[i] * square - stage.sin[i] * stage.link_drift[i])
-    for j in range(N_U):
-        t = 0.0
-        n = 0.0
-        for i in range(N_Q):
-            t -= walker.b[i] * stage.cos[i] * stage.link_DinvB[i, j]
-            n -= walker.b[i] * stage.sin[i] * stage.link_DinvB[i, j]
-        per_torque[0, j] = t
-        per_torque[1, j] = n
-        tangential += t * u[j]
-        normal += n * u[j]
+        tangential += walker.b[i] * (stage.sin[i] * square - stage.cos[i] * stage.ddphi[i])
+        normal -= walker.b[i] * (stage.cos[i] * square + stage.sin[i] * stage.ddphi[i])
     force[0] = tangential
     force[1] = normal
 
 
 @compiled
-def swing_foot(walker: Walker, q: Array, dq: Array, stage: Stage) -> tuple[float, float, float]:
-    """Swing foot relative to the stance foot: p_2^h, p_2^v in [m] and the rate of p_2^v in [m/s]."""
-    to_links(q, stage.phi)
-    to_links(dq, stage.dphi)
+def zero_dynamics(
+    walker: Walker, gait: GaitTable, gains: Gains, q: Array, dq: Array
+) -> tuple[float, float, Array, Array, Array, Array, Array]:
+    """The closed loop at one state: theta and its rate, u, y, dy, ddq, and the stance force under u."""
+    stage = new_stage()
+    force = np.empty(2)
+    place(q, dq, stage)
+    theta, dtheta = closed_loop(walker, gait, gains, q, dq, stage)
+    stance_force(walker, stage, force)
+    return theta, dtheta, stage.u, stage.y, stage.dy, stage.ddq, force
+
+
+@compiled
+def stance_force_per_torque(walker: Walker, stage: Stage, per_torque: Array) -> None:
+    """dF/du = -S_MPC of Eq. (20) in [1/m], (2, 4), after `responses`."""
+    for j in range(N_U):
+        tangential = 0.0
+        normal = 0.0
+        for i in range(N_Q):
+            tangential -= walker.b[i] * stage.cos[i] * stage.link_BtDinv[j, i]
+            normal -= walker.b[i] * stage.sin[i] * stage.link_BtDinv[j, i]
+        per_torque[0, j] = tangential
+        per_torque[1, j] = normal
+
+
+@compiled
+def swing_foot(walker: Walker, stage: Stage) -> tuple[float, float, float]:
+    """Swing foot from the stance foot, after `place`: p_2^h, p_2^v in [m] and the rate of p_2^v in [m/s]."""
     horizontal = 0.0
     vertical = 0.0
     rate = 0.0
     for i in range(N_Q):
-        sine = np.sin(stage.phi[i])
-        horizontal -= walker.reach[i] * sine
-        vertical += walker.reach[i] * np.cos(stage.phi[i])
-        rate -= walker.reach[i] * sine * stage.dphi[i]
+        horizontal -= walker.reach[i] * stage.sin[i]
+        vertical += walker.reach[i] * stage.cos[i]
+        rate -= walker.reach[i] * stage.sin[i] * stage.dphi[i]
     return horizontal, vertical, rate
 
 
 @compiled
 def impact(walker: Walker, q: Array, dq: Array, stage: Stage) -> None:
-    """Rigid impact and leg exchange in place, x+ = Delta(x-) of Eq. (3).
+    """Rigid impact and leg exchange in place, x+ = Delta(x-) of Eq. (3), after `place`; places the new state.
 
     Momentum about the new stance foot is kept for every link: D(phi) dphi+ = D_impact(phi) dphi-. This is the
     unpinned impact of the literature with the multipliers of the landing foot eliminated.
     """
-    to_links(q, stage.phi)
-    to_links(dq, stage.dphi)
-    for i in range(N_Q):
-        stage.sin[i] = np.sin(stage.phi[i])
-        stage.cos[i] = np.cos(stage.phi[i])
-    momentum = stage.link_drift
+    momentum = stage.ddphi
     for i in range(N_Q):
         p = 0.0
         for j in range(N_Q):
             cosine = stage.cos[i] * stage.cos[j] + stage.sin[i] * stage.sin[j]
             p += walker.A_impact[i, j] * cosine * stage.dphi[j]
         momentum[MIRROR[i]] = p
+        stage.ddq[MIRROR[i]] = q[i]
     for i in range(N_Q):
-        stage.ddq[i] = q[i]
-    for i in range(N_Q):
-        q[MIRROR[i]] = stage.ddq[i]
-    to_links(q, stage.phi)
+        q[i] = stage.ddq[i]
+    place(q, dq, stage)
     link_inertia(walker, stage)
-    cholesky(stage.D)
-    cholesky_solve(stage.D, momentum)
+    factor_inertia(stage)
+    cholesky5_solve(stage.L, momentum)
     from_links(momentum, dq)
+    to_links(dq, stage.dphi)
 
 
 class Rollout(NamedTuple):
@@ -404,29 +435,43 @@ def rollout(
     theta0 = 0.0
     dtheta0 = 0.0
     N = out.u.shape[0]
+    place(q, dq, stage)
     for k in range(N):
-        out.x[k, :N_Q] = q
-        out.x[k, N_Q:] = dq
+        for i in range(N_Q):
+            out.x[k, i] = q[i]
+            out.x[k, N_Q + i] = dq[i]
         theta, dtheta = closed_loop(walker, gait, gains, q, dq, stage)
         if k == 0:
             theta0, dtheta0 = theta, dtheta
-        stance_force(walker, stage.u, stage, out.force[k], out.force_per_torque[k])
+        factor_inertia(stage)
+        responses(stage)
+        stance_force(walker, stage, out.force[k])
+        stance_force_per_torque(walker, stage, out.force_per_torque[k])
         for i in range(N_U):
             out.y[k, i] = stage.y[i]
             out.dy[k, i] = stage.dy[i]
             out.u[k, i] = stage.u[i]
             for j in range(N_U):
-                out.rate_per_torque[k, i, j] = T * stage.DinvB[i, j]  # velocity rows of T g_k, Eq. (12)
+                out.rate_per_torque[k, i, j] = T * stage.BtDinv[j, i]  # velocity rows of T g_k, Eq. (12)
         for i in range(N_Q):
             q[i] += T * dq[i] + 0.5 * T * T * stage.ddq[i]  # Eq. (10)
             dq[i] += T * stage.ddq[i]
-        ahead, height, rate = swing_foot(walker, q, dq, stage)
+        place(q, dq, stage)
+        ahead, height, rate = swing_foot(walker, stage)
         out.exchange[k] = ahead > 0.0 and height <= 0.0 and rate < 0.0  # x in S, Eq. (4)
         if out.exchange[k]:
             impact(walker, q, dq, stage)
     outputs(gait, q, dq, stage)
-    out.x[N, :N_Q] = q
-    out.x[N, N_Q:] = dq
-    out.y[N, :] = stage.y
-    out.dy[N, :] = stage.dy
+    for i in range(N_Q):
+        out.x[N, i] = q[i]
+        out.x[N, N_Q + i] = dq[i]
+    for i in range(N_U):
+        out.y[N, i] = stage.y[i]
+        out.dy[N, i] = stage.dy[i]
     return theta0, dtheta0
+
+
+def on_disk() -> bool:
+    """Whether compiled kernels lie in the cache beside the source (or where NUMBA_CACHE_DIR says)."""
+    folder = rollout.stats.cache_path
+    return folder is not None and any(Path(folder).glob(f"{Path(__file__).stem}.rollout-*.nbc"))

@@ -116,13 +116,14 @@ class WalkerModel:
     def acceleration(self, q: Vector, dq: Vector, u: Vector) -> Vector:
         """Acceleration of the pinned walker under torque u, joint damping included, in [rad/s^2], (5,)."""
         stage = kernels.new_stage()
-        kernels.accelerations(self.lumped, q, dq, stage)
-        return stage.drift + stage.DinvB @ u
+        kernels.place(q, dq, stage)
+        kernels.accelerate(self.lumped, dq, u, stage)
+        return stage.ddq
 
     def stance_force(self, q: Vector, dq: Vector, u: Vector) -> tuple[Vector, Vector]:
         """Stance contact force and its change per torque.
 
-        Implements: Eqs. (18)-(20).
+        Implements: Eqs. (18), (20).
 
         Args:
             q: Coordinates in [rad], (5,).
@@ -133,14 +134,19 @@ class WalkerModel:
             (tangential, normal) in [N], (2,), and dF/du = -S_MPC in [1/m], (2, 4).
         """
         stage = kernels.new_stage()
-        kernels.accelerations(self.lumped, q, dq, stage)
+        kernels.place(q, dq, stage)
+        kernels.accelerate(self.lumped, dq, u, stage)
+        kernels.responses(stage)
         force, per_torque = np.empty(2), np.empty((2, 4))
-        kernels.stance_force(self.lumped, u, stage, force, per_torque)
+        kernels.stance_force(self.lumped, stage, force)
+        kernels.stance_force_per_torque(self.lumped, stage, per_torque)
         return force, per_torque
 
     def swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
         """Swing foot from the stance foot: (p_2^h, p_2^v) in [m] and the rate of p_2^v in [m/s]; Eq. (4)."""
-        return kernels.swing_foot(self.lumped, q, dq, kernels.new_stage())
+        stage = kernels.new_stage()
+        kernels.place(q, dq, stage)
+        return kernels.swing_foot(self.lumped, stage)
 
     def impact(self, q: Vector, dq: Vector) -> tuple[Vector, Vector]:
         """State after the rigid impact, relabelled so that the landed leg is the stance leg.
@@ -155,7 +161,9 @@ class WalkerModel:
             q+ in [rad] and dq+ in [rad/s], (5,) each.
         """
         q_plus, dq_plus = np.array(q, dtype=float), np.array(dq, dtype=float)
-        kernels.impact(self.lumped, q_plus, dq_plus, kernels.new_stage())
+        stage = kernels.new_stage()
+        kernels.place(q_plus, dq_plus, stage)
+        kernels.impact(self.lumped, q_plus, dq_plus, stage)
         return q_plus, dq_plus
 
 

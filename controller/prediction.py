@@ -57,7 +57,7 @@ class Horizon:
 def predict(model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceState, N: int, T: float) -> Horizon:
     """Simulate the closed loop under ZD+PD from the measured state, u_tilde = 0.
 
-    Implements: Eqs. (10)-(13).
+    Implements: Eqs. (4), (10)-(13).
 
     Args:
         model: The walker believed in.

@@ -106,7 +106,7 @@ class ControlStep:
         status: "zd-pd", "optimal", or why the tick fell back to saturated ZD+PD.
         fallback: Whether it did.
         iterations: Solver iterations.
-        residuals: Stationarity, feasibility and complementarity residuals of the scaled problem, (3,).
+        residuals: Feasibility, stationarity and complementarity residuals of the solved problem, (3,).
         slack: Largest softening of a contact-force row over the horizon in [N].
         active: Active constraints over the horizon.
         solve_s: Wall time in the solver in [s].

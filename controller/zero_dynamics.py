@@ -7,7 +7,7 @@ import numpy as np
 from controller import kernels
 from controller.gait import Gait
 from controller.model import WalkerModel
-from controller.records import ControlStep, Observation, StanceState, Vector
+from controller.records import ControlStep, Observation, Vector
 from controller.stance import StanceEstimator
 
 NO_TORQUE = np.zeros(4)  # [N.m]
@@ -25,6 +25,7 @@ class ZeroDynamicsStep:
         theta: Clock in [rad].
         dtheta: Clock rate in [rad/s].
         ddq: Acceleration under u in [rad/s^2], (5,).
+        contact_force: Stance force under u, (tangential, normal) in [N], (2,).
     """
 
     u: Vector
@@ -33,11 +34,10 @@ class ZeroDynamicsStep:
     theta: float
     dtheta: float
     ddq: Vector
+    contact_force: Vector
 
 
-def zero_dynamics_pd(
-    model: WalkerModel, gait: Gait, gains: kernels.Gains, q: Vector, dq: Vector
-) -> ZeroDynamicsStep:
+def zero_dynamics_pd(model: WalkerModel, gait: Gait, gains: kernels.Gains, q: Vector, dq: Vector) -> ZeroDynamicsStep:
     """Torque u = (L_g L_f h)^-1 (v - L_f^2 h) with v = -K_D dy - K_P y.
 
     Implements: Eqs. (6)-(9).
@@ -49,9 +49,8 @@ def zero_dynamics_pd(
         q: Coordinates in [rad], (5,).
         dq: Rates in [rad/s], (5,).
     """
-    stage = kernels.new_stage()
-    theta, dtheta = kernels.closed_loop(model.lumped, gait.table, gains, q, dq, stage)
-    return ZeroDynamicsStep(u=stage.u, y=stage.y, dy=stage.dy, theta=theta, dtheta=dtheta, ddq=stage.ddq)
+    theta, dtheta, u, y, dy, ddq, force = kernels.zero_dynamics(model.lumped, gait.table, gains, q, dq)
+    return ZeroDynamicsStep(u=u, y=y, dy=dy, theta=theta, dtheta=dtheta, ddq=ddq, contact_force=force)
 
 
 class ZeroDynamicsController:
@@ -61,8 +60,6 @@ class ZeroDynamicsController:
         """Args are those of `zero_dynamics_pd`."""
         self.model, self.gait, self.gains = model, gait, gains
         self.stance = StanceEstimator(model)
-        self._force = np.empty(2)
-        self._force_per_torque = np.empty((2, 4))
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
@@ -70,25 +67,20 @@ class ZeroDynamicsController:
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick: which leg stands, then Eq. (7)."""
-        state: StanceState = self.stance.update(observation)
-        stage = kernels.new_stage()
-        theta, dtheta = kernels.closed_loop(
-            self.model.lumped, self.gait.table, self.gains, state.q, state.dq, stage
-        )
-        force = np.empty(2)
-        kernels.stance_force(self.model.lumped, stage.u, stage, force, self._force_per_torque)
-        u = state.leg.from_body(stage.u)
+        state = self.stance.update(observation)
+        zd = zero_dynamics_pd(self.model, self.gait, self.gains, state.q, state.dq)
+        u = state.leg.from_body(zd.u)
         return ControlStep(
             stance=state.leg.value,
             u_zd=u,
             u_mpc=NO_TORQUE,
             u_total=u,
-            y=stage.y,
-            dy=stage.dy,
-            theta=theta,
-            dtheta=dtheta,
-            s=self.gait.normalised(theta),
-            contact_force=force,
+            y=zd.y,
+            dy=zd.dy,
+            theta=zd.theta,
+            dtheta=zd.dtheta,
+            s=self.gait.normalised(zd.theta),
+            contact_force=zd.contact_force,
             impact_in=-1,
             status="zd-pd",
             fallback=False,

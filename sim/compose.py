@@ -1,7 +1,7 @@
 """The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,17 +10,19 @@ import numpy as np
 
 from controller import kernels
 from controller.cascade import CascadedMpc, Friction, Weights
+from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
 from controller.errors import ControllerInputError
 from controller.gait import Gait, load_gait
 from controller.model import WalkerModel
-from controller.qp import make_solver
+from controller.qp import ROWS, Solver
+from controller.solvers import make_solver
 from controller.zero_dynamics import ZeroDynamicsController
 from sim import provenance
 from sim.actuation import Actuation
 from sim.errors import UserError
 from sim.instruments import InstrumentedPlant
-from sim.interface import Controller, Plant, Vector
-from sim.loop import Loop, NoTape, Progress, Stop
+from sim.interface import Controller, Observation, Plant, Vector
+from sim.loop import Loop, NoTape, Progress, Stop, Tape
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
@@ -31,9 +33,28 @@ from sim.sections import Surface
 from sim.sensors import Sensors
 from sim.walkers import WalkerFolder
 
+__all__ = [
+    "Belief",
+    "ComparingSolver",
+    "build_controller",
+    "build_plant",
+    "build_rig",
+    "compare_solvers",
+    "exact_clarabel",
+    "load_belief",
+    "make_solver",
+    "run_scenario",
+    "start_state",
+    "warm_up",
+]
+"""The solver parts are handed on to the benchmark, which must not know the controller itself."""
+
 FIRST_STANCE = "left"
 RUN_UP = 2.0  # [m] of rough ground beyond what the steps need
 LONGEST_STEP = 0.6  # [m] a step may take on rough ground; the gait's are 0.4 m
+
+Announce = Callable[[str], None]
+"""Takes one line for the user."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,8 +90,13 @@ def load_belief(scenario: Scenario) -> Belief:
         return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
 
 
-def build_controller(settings: ControllerSettings, belief: Belief) -> Controller:
+def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
     """The controller a scenario asks for.
+
+    Args:
+        settings: Its settings.
+        belief: What it knows about the walker.
+        solver: Used instead of the one the settings name.
 
     Raises:
         UserError: unknown solver.
@@ -88,7 +114,7 @@ def build_controller(settings: ControllerSettings, belief: Belief) -> Controller
             T=settings.period,
             weights=Weights.of_paper(gains, settings.period),
             friction=friction if settings.friction_rows else None,
-            solver=make_solver(settings.solver, settings.horizon),
+            solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
 
 
@@ -154,8 +180,28 @@ def build_rig(scenario: Scenario) -> Rig:
     )
 
 
+def warm_up(controller: Controller, observation: Observation, announce: Announce | None = None) -> None:
+    """Compile the controller's kernels, or load them from disk, so that no tick pays for it.
+
+    Args:
+        controller: To be warmed; reset it afterwards.
+        observation: Anything legal.
+        announce: Told a line for the user where compiling will take long.
+    """
+    if announce and not kernels.on_disk():
+        announce("compiling kernels, once, about 20 s")
+    controller.step(observation)
+
+
 def run_scenario(
-    scenario: Scenario, *, log: Path | None = None, progress: Progress | None = None, stop: Stop | None = None
+    scenario: Scenario,
+    *,
+    log: Path | None = None,
+    progress: Progress | None = None,
+    stop: Stop | None = None,
+    announce: Announce | None = None,
+    solver: Solver | None = None,
+    tape: Tape | None = None,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -164,19 +210,24 @@ def run_scenario(
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+        announce: Told a line for the user before something long.
+        solver: Used instead of the one the scenario names.
+        tape: Takes ticks and events where no log is written.
 
     Raises:
         UserError: a file or a setting is not legal, or the log can not be written.
     """
     belief = load_belief(scenario)
-    controller = build_controller(scenario.controller, belief)
+    controller = build_controller(scenario.controller, belief, solver=solver)
     plant = build_plant(scenario)
     q, dq = start_state(scenario, belief)
     walker = instrument(plant, scenario)
     walker.reset(q, dq, FIRST_STANCE)
     controller.reset(FIRST_STANCE)
+    warm_up(controller, plant.observe(), announce)
+    controller.reset(FIRST_STANCE)
 
-    def loop(tape: NoTape | Recorder) -> RunSummary:
+    def loop(tape: Tape) -> RunSummary:
         return Loop(
             plant=walker,
             controller=controller,
@@ -191,7 +242,7 @@ def run_scenario(
         ).run(progress=progress, stop=stop, log=str(log) if log else "")
 
     if log is None:
-        return loop(NoTape())
+        return loop(tape or NoTape())
     with Recorder(log, _header(scenario, belief, plant), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)

@@ -76,9 +76,7 @@ class Judge:
         self._stance = swing
         self.steps += 1
         duration, self.last_impact = state.t - self.last_impact, state.t
-        return TouchDown(
-            number=self.steps, t=state.t, duration=duration, length=length, foot=("left", "right")[swing]
-        )
+        return TouchDown(number=self.steps, t=state.t, duration=duration, length=length, foot=("left", "right")[swing])
 
     def fall(self, state: PlantState) -> tuple[FallReason, str]:
         """Reason for a fall and its figures; `FallReason.NONE` while the walker stands."""

@@ -14,6 +14,8 @@ PACKAGES = (
     "numba",
     "qpsolvers",
     "clarabel",
+    "piqp",
+    "scipy",
     "mcap",
     "protobuf",
 )

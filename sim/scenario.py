@@ -67,7 +67,7 @@ class ControllerSettings:
         friction: Friction coefficient the controller assumes.
         friction_rows: Whether the MPC bounds the stance contact force.
         normal_force_min: Lower bound on the stance foot's normal force.
-        solver: QP solver, by its name in qpsolvers.
+        solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
     """
 
     kind: Literal["c-mpc", "zd-pd"] = "c-mpc"
@@ -78,7 +78,7 @@ class ControllerSettings:
     friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
     friction_rows: bool = True
     normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0
-    solver: str = "clarabel"
+    solver: str = "riccati"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,7 +45,7 @@ class FakeRun:
         self.during = lambda: None
         self.called = False
 
-    def __call__(self, scenario, *, log, progress=None, stop=lambda: None):
+    def __call__(self, scenario, *, log, progress=None, stop=lambda: None, announce=None):
         self.called, self.scenario, self.log, self.progress = True, scenario, log, progress
         self.during()
         reason = stop()
@@ -204,7 +204,7 @@ def test_help_shows_every_setting_with_its_unit_and_the_scenarios_own_values(run
     monkeypatch.setenv("COLUMNS", "400")
     assert call("friction-50N", "--help") == 0
     out = capsys.readouterr().out
-    lines = {line.split()[0]: line for line in out.splitlines() if line.startswith("  --")}
+    lines = {line.split()[0].rstrip(","): line for line in out.splitlines() if line.startswith("  --")}
     for row in settings_table():
         flag = "--" + row.path.replace("_", "-")
         line = lines["--controller" if row.path == "controller.kind" else flag]

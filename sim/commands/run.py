@@ -108,11 +108,15 @@ def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool) -> in
     from sim.progress import progress_bar
 
     with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
-        summary = run_scenario(scenario, log=log, progress=show, stop=stop)
+        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=_announce)
     _print_summary(summary, scenario, json=json)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
+
+
+def _announce(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def _print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:

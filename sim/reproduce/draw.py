@@ -39,7 +39,7 @@ def draw(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:
 
     columns = max(len(row) for row in rows)
     height = 4.2 if any(isinstance(panel, MapPanel) for row in rows for panel in row) else HEIGHT
-    style = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.titlesize": 10}
+    style: dict[Any, Any] = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.titlesize": 10}
     with rc_context(style):
         figure = Figure(figsize=(WIDTH * columns, height * len(rows) + 0.6), layout="constrained")
         FigureCanvasAgg(figure)
@@ -113,9 +113,7 @@ def _map(ax: Any, panel: MapPanel, *, legend: bool) -> None:
     from matplotlib.patches import Patch
 
     x, y = (_edges(values) for values in (panel.x, panel.y))
-    ax.pcolormesh(
-        x, y, panel.classes, cmap=ListedColormap(list(panel.colours)), vmin=-0.5, vmax=len(panel.names) - 0.5
-    )
+    ax.pcolormesh(x, y, panel.classes, cmap=ListedColormap(list(panel.colours)), vmin=-0.5, vmax=len(panel.names) - 0.5)
     ax.axhline(0.0, color="#55554f", linewidth=0.6)
     ax.axvline(0.0, color="#55554f", linewidth=0.6)
     ax.set_title(panel.title)

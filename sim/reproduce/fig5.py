@@ -70,12 +70,15 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
 
     def smaller(statistic: str) -> Verdict:
         def judge(plant: str) -> Finding:
+            runs = [results[f"{plant}/{controller}/pushed"] for controller in ("c-mpc", "zd-pd")]
+            last = max(PUSHED, min(int(run["steps"]) for run in runs))  # what follows is falling
             values = []
-            for controller in ("c-mpc", "zd-pd"):
-                run = results[f"{plant}/{controller}/pushed"]
-                y = run["y"][between(run, PUSHED, STEPS)]
+            for run in runs:
+                y = run["y"][between(run, PUSHED, last)]
                 values.append(float(np.abs(y).max()) if statistic == "peak" else rms(y))
-            return Finding(text=f"{values[0]:.4f} against {values[1]:.4f} rad", holds=values[0] < values[1])
+            text = f"{values[0]:.4f} against {values[1]:.4f} rad"
+            text += "" if last == STEPS else f", steps {PUSHED} to {last}, before the fall"
+            return Finding(text=text, holds=values[0] < values[1])
 
         return Verdict.of(f"C-MPC's {statistic} deviation from the push on is smaller", "much smaller", judge)
 
@@ -115,7 +118,9 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         panels=_same_scale(panels),
         tables=tables,
         notes=(
+            "Where a walker falls, only the steps both complete are compared.",
             f"Steady RMS over steps {STEADY_FROM + 1} to {STEADY_STEPS} of an undisturbed walk, all four outputs.",
+        ,
         ),
     )
 

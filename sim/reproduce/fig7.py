@@ -123,8 +123,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         tables=tables,
         notes=(
             f"The paper gives no mu; {MU:g} is chosen. MuJoCo's floor grants {FLOOR:g}, so that no foot slips.",
-            "Ratios of means over a hold of 1 ms, without the 20 ms after each impact; within 2 % counts as "
-            "not above.",
+            "Ratios of means over a hold of 1 ms, without the 20 ms after each impact; within 2 % counts as not above.",
             *sensitivity,
         ),
     )

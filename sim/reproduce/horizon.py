@@ -38,9 +38,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
             found[f"{plant}/{N}/margin"] = Task(
                 function="sim.reproduce.measure:largest_survived",
                 arguments={
-                    "scenario": effort.scenario(
-                        plant, "c-mpc", {**base, "pushes.0.force": 0.0, "pushes.0.step": 1}
-                    ),
+                    "scenario": effort.scenario(plant, "c-mpc", {**base, "pushes.0.force": 0.0, "pushes.0.step": 1}),
                     "path": "pushes.0.force",
                     "sign": 1.0,
                     "stride": STRIDE,

@@ -63,9 +63,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
 
     def slopes(plant: str, controller: str, direction: str) -> np.ndarray:
         """Steepest slopes survived in [rad], (lengths,)."""
-        return np.array(
-            [float(results[f"{plant}/{controller}/{length:g}/{direction}"]["value"]) for length in LENGTHS]
-        )
+        return np.array([float(results[f"{plant}/{controller}/{length:g}/{direction}"]["value"]) for length in LENGTHS])
 
     def navigates(direction: str) -> Verdict:
         def judge(plant: str) -> Finding:

@@ -1,5 +1,6 @@
 """What a figure shows, said once: drawn by matplotlib (`draw.py`) and by the page's own script (`page.js`)."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -115,7 +116,7 @@ def thinned(x: NDArray[Any], y: NDArray[Any], most: int = 1200) -> tuple[NDArray
         return x, y
     edges = np.linspace(0, len(x), most // 2 + 1).astype(int)
     keep = {0, len(x) - 1}
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in itertools.pairwise(edges.tolist()):
         piece = y[first:last]
         if np.isfinite(piece).any():
             keep |= {first + int(np.nanargmin(piece)), first + int(np.nanargmax(piece))}

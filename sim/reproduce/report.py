@@ -91,9 +91,7 @@ def _section(name: str, found: Evaluation, picture: Path | None) -> str:
     if picture is not None:
         data = base64.b64encode(picture.read_bytes()).decode()
         alt = html.escape(EXPERIMENTS[name])
-        parts.append(
-            f'<details><summary>As a picture</summary><img alt="{alt}" src="data:image/png;base64,{data}">'
-        )
+        parts.append(f'<details><summary>As a picture</summary><img alt="{alt}" src="data:image/png;base64,{data}">')
         parts.append("</details>")
     return "\n".join(parts)
 

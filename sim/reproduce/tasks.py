@@ -131,9 +131,7 @@ def run(
     _one_thread_each()
     pool = ProcessPoolExecutor(min(workers, len(missing)), mp_context=get_context("spawn"), initializer=_deaf)
     try:
-        running: dict[Future[dict[str, NDArray[Any]]], str] = {
-            pool.submit(work, tasks[name]): name for name in missing
-        }
+        running: dict[Future[dict[str, NDArray[Any]]], str] = {pool.submit(work, tasks[name]): name for name in missing}
         while running:
             ready, _ = wait(running, timeout=SLICE, return_when=FIRST_COMPLETED)
             for future in ready:

@@ -1,0 +1,44 @@
+# Every target makes .venv itself when it is missing or when what should be in it has changed.
+
+.DEFAULT_GOAL := help
+.PHONY: run test check bench clean help
+
+BIN := .venv/bin
+STAMP := .venv/installed
+
+# The first supported interpreter that really starts and can make environments: a shim may exist and fail.
+PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
+	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' \
+	>/dev/null 2>&1 && echo $$python && break; done)
+
+run: $(STAMP)  ## walk: the default scenario, or ARGS="undisturbed --steps 5"
+	@$(BIN)/cmpc run $(ARGS)
+
+test: $(STAMP)  ## run the tests, or some: ARGS="tests/test_qp.py"
+	@$(BIN)/python -m pytest -n 2 $(ARGS)
+
+check: $(STAMP)  ## lint, format, types and import contracts
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-logo
+
+bench: $(STAMP)  ## measure ticks, solves and runs against their targets, or ARGS="--quick"
+	@$(BIN)/cmpc bench $(ARGS)
+
+clean:  ## remove the environment and every cache; logs stay
+	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find controller sim models tests -name __pycache__ -prune -exec rm -rf {} +
+
+help:  ## show this
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|'
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(BIN)/python -c '' 2>/dev/null || { \
+		test -n "$(PYTHON)" || { \
+			echo "make: no usable Python: need 3.11, 3.12 or 3.13 with venv (on Debian: python3-venv);" \
+				"give one with PYTHON=/path/to/python3" >&2; exit 1; }; \
+		echo "Making .venv with $$($(PYTHON) --version); this takes a few minutes, once."; \
+		$(PYTHON) -m venv --clear .venv; }
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	@touch $@

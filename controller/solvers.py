@@ -1,0 +1,34 @@
+"""Solvers by name: `riccati`, or any that qpsolvers finds installed."""
+
+import qpsolvers
+
+from controller.errors import ControllerInputError
+from controller.qp import Solver, SparseSolver
+from controller.structured import RiccatiSolver
+
+RICCATI = "riccati"
+NEXT_IN_LINE = ("piqp", "clarabel")
+"""Solvers that a problem goes to which `riccati` can not settle."""
+
+
+def available() -> tuple[str, ...]:
+    """Names `make_solver` takes."""
+    return (RICCATI, *sorted(qpsolvers.available_solvers))
+
+
+def make_solver(name: str, N: int, r: int) -> Solver:
+    """The solver of that name.
+
+    Args:
+        name: One of `available()`.
+        N: Stages of the problems to come.
+        r: Contact-force rows a stage, `qp.ROWS` or 0.
+
+    Raises:
+        ControllerInputError: unknown or not installed solver.
+    """
+    if name not in available():
+        raise ControllerInputError(f"controller.solver = {name!r}; legal: one of {', '.join(available())}")
+    if name == RICCATI:
+        return RiccatiSolver(N, r, tuple(SparseSolver(other, N) for other in NEXT_IN_LINE))
+    return SparseSolver(name, N)

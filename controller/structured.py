@@ -1,0 +1,162 @@
+"""The solver `riccati`: the problem of Eq. (22) by its own structure, many times inside a millisecond.
+
+Active-set sweeps from the guess of the last tick settle nearly every tick (`active_set`). Where they cycle, the
+interior-point method (`interior_point`) finds the answer, warm in a run of such ticks, and its active set gives the
+sweeps their next guess. Both rest on the same linear algebra (`riccati`).
+"""
+
+import dataclasses
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from controller import active_set, interior_point
+from controller.active_set import Guess
+from controller.interior_point import Point
+from controller.kernels import Array, compiled
+from controller.qp import Solution, Solver, StageQP, failed
+from controller.riccati import Factors, Problem, new_factors, rates, smooth_gradient
+
+EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 6, 2, 4  # most sweeps: as a rule, after a hard tick, after interior point
+INTERIOR_ITERATIONS = 40
+INTERIOR_TOLERANCE = 1e-10  # relative
+STATIONARY = 1e-4  # [N.m] residual of an answer that may be used
+AT_BOUND = 1e-7  # [N.m] what counts as sitting at a bound
+
+
+class State(NamedTuple):
+    """What the solver keeps between ticks."""
+
+    guess: Guess
+    point: Point
+    u: Array
+    w: Array
+    gradient: Array
+    factors: Factors
+
+
+class RiccatiSolver:
+    """Solves every tick's problem; one that it can not settle goes to the next solver in line, and is counted."""
+
+    def __init__(self, N: int, r: int, fallbacks: tuple[Solver, ...]) -> None:
+        """Make room.
+
+        Args:
+            N: Stages.
+            r: Contact-force rows a stage, `ROWS` or 0.
+            fallbacks: Tried in order where this one fails.
+        """
+        self._N, self._r = N, r
+        self._fallbacks = fallbacks
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last tick."""
+        N, r = self._N, self._r
+        guess = Guess(np.zeros((N, 4), dtype=np.int8), np.zeros((N, r), dtype=np.bool_))
+        u, w, gradient = np.zeros((3, N, 4))
+        self._state = State(guess, interior_point.new_point(N, r), u, w, gradient, new_factors(N))
+        self._hard = False
+
+    def solve(self, problem: StageQP) -> Solution:
+        """Solve one tick's problem, starting from the answer to the last one."""
+        started = time.perf_counter()
+        p = Problem(
+            problem.rate, problem.weight, problem.linear, problem.R, problem.lower, problem.upper,
+            problem.rows, problem.limits, problem.penalty,
+        )  # fmt: skip
+        state = self._state
+        iterations, self._hard = advance(p, state, self._hard)
+        stationarity, feasibility, complementarity, slack, active = residuals(p, state.u, state.gradient)
+        if not (stationarity <= STATIONARY and feasibility <= AT_BOUND):  # NaN counts as failed
+            return self._next_in_line(problem, started)
+        return Solution(
+            found=True,
+            u=state.u.copy(),
+            status="optimal",
+            iterations=iterations,
+            residuals=np.array([feasibility, stationarity, complementarity]),
+            slack=slack,
+            active=active,
+            solve_s=time.perf_counter() - started,
+        )
+
+    def _next_in_line(self, problem: StageQP, started: float) -> Solution:
+        self.reset()
+        for solver in self._fallbacks:
+            solution = solver.solve(problem)
+            if solution.found:
+                elapsed = time.perf_counter() - started
+                return dataclasses.replace(solution, status="second-solver", solve_s=elapsed)
+        return failed(self._N, "no-solution", time.perf_counter() - started)
+
+
+@compiled
+def advance(p: Problem, s: State, hard: bool) -> tuple[int, bool]:
+    """Answer one tick's problem into `s.u`; returns the sweeps and iterations taken and whether it was hard.
+
+    Args:
+        p: Problem.
+        s: State from the last tick.
+        hard: Whether the last tick needed the interior-point method.
+    """
+    active_set.shift(s.guess)
+    limit = HARD_SWEEPS if hard else EASY_SWEEPS
+    sweeps = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, limit)
+    if sweeps > 0:
+        return sweeps, False
+    iterations = interior_point.minimise(
+        p, s.point, hard, s.w, s.gradient, s.factors, INTERIOR_TOLERANCE, INTERIOR_ITERATIONS
+    )
+    interior_point.identify(p, s.point, s.guess)
+    polish = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, POLISH_SWEEPS)
+    if polish < 0:
+        for k in range(s.u.shape[0]):
+            for i in range(4):
+                s.u[k, i] = s.point.u[k, i]
+        rates(p, s.u, s.w)
+        smooth_gradient(p, s.u, s.w, s.gradient)
+        interior_point.identify(p, s.point, s.guess)
+        active_set.correct(p, s.guess, s.u, s.gradient)
+    return limit + abs(iterations) + abs(polish), True
+
+
+@compiled
+def residuals(p: Problem, u: Array, gradient: Array) -> tuple[float, float, float, float, int]:
+    """How far u is from optimal.
+
+    Stationarity and complementarity are divided by R: as the objective is at least as curved as R, they bound the
+    distance to the optimum in [N.m].
+
+    Args:
+        p: Problem.
+        u: Torques in [N.m], (N, 4).
+        gradient: Of the whole objective there, (N, 4).
+
+    Returns:
+        Stationarity in [N.m], violation of the torque box in [N.m], largest product of a multiplier and the distance
+        to its bound in [N.m]^2, largest softening in [N], number of active constraints.
+    """
+    N, r = p.limits.shape
+    stationarity = feasibility = complementarity = slack = 0.0
+    active = 0
+    for k in range(N):
+        for i in range(4):
+            g = gradient[k, i] / p.R[i]
+            below, above = u[k, i] - p.lower[k, i], p.upper[k, i] - u[k, i]
+            feasibility = max(feasibility, -below, -above)
+            room = below if g > 0.0 else above  # where the gradient pushes to
+            if room <= AT_BOUND:
+                active += 1
+                complementarity = max(complementarity, abs(g) * max(room, 0.0))
+            elif not abs(g) <= stationarity:
+                stationarity = abs(g)
+        for q in range(r):
+            excess = -p.limits[k, q]
+            for i in range(4):
+                excess += p.rows[k, q, i] * u[k, i]
+            if excess > 0.0:
+                active += 1
+                slack = max(slack, excess)
+    return stationarity, feasibility, complementarity, slack, active

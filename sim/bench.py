@@ -1,0 +1,233 @@
+"""The benchmark: what a tick, a solve and a run cost on this machine, and how exact they are."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.compose import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
+from sim.interface import ControlStep, Observation, PlantState
+from sim.loop import NoTape
+from sim.recorder.fields import STATUSES
+from sim.scenario import Scenario, load, with_values
+
+RUNS = ("undisturbed", "push-25N", "friction-50N", "payload-x2")
+"""The four runs that ticks are measured over."""
+
+HORIZONS = (50, 100, 200, 500)  # [stages]
+TABLE_SOLVERS = ("riccati", "piqp", "clarabel")
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One measured figure.
+
+    Attributes:
+        name: What was measured.
+        value: In `unit`.
+        unit: Symbol, "x" for a ratio.
+        target: What is asked for, with its direction, such as "<= 0.15"; empty where nothing is.
+    """
+
+    name: str
+    value: float
+    unit: str
+    target: str = ""
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the target is met; None without one."""
+        if not self.target:
+            return None
+        direction, bound = self.target.split()
+        return self.value <= float(bound) if direction == "<=" else self.value >= float(bound)
+
+
+class TickTimes(NoTape):
+    """Keeps the wall time and the status of every tick."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.seconds: list[float] = []
+        self.statuses: dict[str, int] = dict.fromkeys(STATUSES, 0)
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """Keep one."""
+        self.seconds.append(tick_s)
+        self.statuses[step.status] = self.statuses.get(step.status, 0) + 1
+
+
+def benchmark(*, quick: bool, say: Say) -> list[Figure]:
+    """Measure everything.
+
+    Args:
+        quick: Shorter runs, for a look; the figures are noisier.
+        say: Told what is measured next.
+    """
+    steps = 3 if quick else 8
+    figures: list[Figure] = []
+    for part in (ticks, against_clarabel, horizons, real_time, start_up, memory):
+        say(part.__doc__.splitlines()[0] if part.__doc__ else part.__name__)
+        figures += part(steps)
+    return figures
+
+
+def _walk(name: str, steps: int, **changes: Any) -> Scenario:
+    return with_values(load(name), {"steps": steps, **changes})
+
+
+def ticks(steps: int) -> list[Figure]:
+    """Ticks of C-MPC, observation in to torque out, over the four runs."""
+    tape = TickTimes()
+    for name in RUNS:
+        run_scenario(_walk(name, steps), tape=tape)
+    ms = 1e3 * np.array(tape.seconds)
+    median, p99, p999 = np.quantile(ms, [0.5, 0.99, 0.999])
+    rescued = sum(count for status, count in tape.statuses.items() if status != "optimal")
+    return [
+        Figure(name="tick, median", value=float(median), unit="ms", target="<= 0.15"),
+        Figure(name="tick, 99 %", value=float(p99), unit="ms", target="<= 0.35"),
+        Figure(name="tick, 99.9 %", value=float(p999), unit="ms", target="<= 0.60"),
+        Figure(name="ticks", value=float(len(ms)), unit=""),
+        Figure(name="solver fall-backs", value=float(rescued), unit="", target="<= 0"),
+    ]
+
+
+def against_clarabel(steps: int) -> list[Figure]:
+    """The same ticks against Clarabel through qpsolvers at 1e-12, problem by problem."""
+    ratios: list[float] = []
+    gaps: list[float] = []
+    kept = []
+    problems = active = 0
+    objective = violation = 0.0
+    for name in RUNS:
+        scenario = _walk(name, max(2, steps * 5 // 8))
+        N = scenario.controller.horizon
+        both = ComparingSolver(make_solver("riccati", N, 3), exact_clarabel(N))
+        tape = TickTimes()
+        run_scenario(scenario, solver=both, tape=tape)
+        skip = both.problems - len(tape.seconds)  # the warm-up's
+        rest = np.array(tape.seconds) - np.array(both.total_s)[skip:]
+        ratios += list((rest + np.array(both.reference_s)[skip:]) / (rest + np.array(both.solve_s)[skip:]))
+        gaps += both.torque_gaps
+        kept += both.kept
+        problems, active = problems + both.problems, active + both.active
+        objective, violation = max(objective, both.objective_gap), max(violation, both.violation)
+    figures = [
+        Figure(name="tick with Clarabel over tick with riccati, median", value=float(np.median(ratios)), unit="x",
+               target=">= 50"),
+        Figure(name="problems compared", value=float(problems), unit="", target=">= 5000"),
+        Figure(name="of them with active constraints", value=float(active), unit="", target=">= 1000"),
+        Figure(name="first torque from Clarabel's, largest", value=max(gaps), unit="N.m", target="<= 1e-3"),
+        Figure(name="first torque from Clarabel's, 99 %", value=float(np.quantile(gaps, 0.99)), unit="N.m"),
+        Figure(name="objective above Clarabel's, relative", value=objective, unit="", target="<= 1e-6"),
+        Figure(name="torque beyond its bound", value=violation, unit="N.m", target="<= 1e-6"),
+    ]  # fmt: skip
+    for solver, row in compare_solvers(TABLE_SOLVERS, kept).items():
+        figures += [
+            Figure(name=f"solve, {solver}, median", value=row["median_ms"], unit="ms"),
+            Figure(name=f"solve, {solver}, 99 %", value=row["p99_ms"], unit="ms"),
+            Figure(name=f"solve, {solver}, first torque from riccati's, largest", value=row["gap_Nm"], unit="N.m"),
+            Figure(name=f"solve, {solver}, failed of {len(kept)}", value=row["failed"], unit=""),
+        ]
+    return figures
+
+
+def horizons(steps: int) -> list[Figure]:
+    """Ticks against the horizon."""
+    medians = []
+    for N in HORIZONS:
+        tape = TickTimes()
+        run_scenario(_walk("undisturbed", 1, **{"controller.horizon": N}), tape=tape)
+        medians.append(1e3 * float(np.median(tape.seconds)))
+    figures = [
+        Figure(name=f"tick, N = {N}, median", value=m, unit="ms") for N, m in zip(HORIZONS, medians, strict=True)
+    ]
+    exponent = float(np.polyfit(np.log(HORIZONS), np.log(medians), 1)[0])
+    return [*figures, Figure(name="growth of the tick with N, exponent", value=exponent, unit="", target="<= 1.1")]
+
+
+def real_time(steps: int) -> list[Figure]:
+    """Whole runs with their logs against real time."""
+    with tempfile.TemporaryDirectory() as folder:
+        figures = []
+        for kind, target in (("c-mpc", ">= 4"), ("zd-pd", ">= 15")):
+            scenario = _walk("undisturbed", 3 * steps, **{"controller.kind": kind})
+            log = Path(folder) / f"{kind}.mcap"
+            logged = run_scenario(scenario, log=log).realtime_factor
+            figures.append(
+                Figure(name=f"{kind} with log, simulated over wall time", value=logged, unit="x", target=target)
+            )
+        shares = []
+        for again in range(3):
+            scenario = _walk("undisturbed", steps, **{"controller.kind": "zd-pd"})
+            logged = run_scenario(scenario, log=Path(folder) / f"{again}.mcap").realtime_factor
+            plain = run_scenario(scenario).realtime_factor
+            shares.append(1.0 - logged / plain)
+    share = 100.0 * float(np.median(shares))
+    return [*figures, Figure(name="recorder's share of a zd-pd run", value=share, unit="%", target="<= 25")]
+
+
+_FIRST_TICK = """
+from sim.compose import run_scenario
+from sim.scenario import load
+run_scenario(load("undisturbed"), stop=lambda: "first tick")
+"""
+
+
+def start_up(steps: int) -> list[Figure]:
+    """Process start to first tick, kernels on disk and not."""
+
+    def seconds(**environment: str) -> float:
+        began = time.perf_counter()
+        subprocess.run([sys.executable, "-c", _FIRST_TICK], check=True, env={**os.environ, **environment})
+        return time.perf_counter() - began
+
+    with tempfile.TemporaryDirectory() as cache:
+        first = seconds(NUMBA_CACHE_DIR=cache)
+        warm = min(seconds(NUMBA_CACHE_DIR=cache) for _ in range(3))
+    return [
+        Figure(name="start to first tick, kernels on disk", value=warm, unit="s", target="<= 2"),
+        Figure(name="start to first tick, first ever", value=first, unit="s", target="<= 30"),
+    ]
+
+
+_LONG_RUN = """
+import sys, json
+from pathlib import Path
+from sim.compose import run_scenario
+from sim.scenario import load, with_values
+kind, seconds, folder = sys.argv[1], float(sys.argv[2]), sys.argv[3]
+scenario = with_values(load("undisturbed"), {"steps": 10**6, "time_limit": seconds, "controller.kind": kind})
+resident = []
+def look(steps, t):
+    if t >= len(resident) * seconds / 50:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        resident.append((t, pages))
+run_scenario(scenario, log=Path(folder) / "long.mcap", progress=look)
+print(json.dumps(resident))
+"""
+
+
+def memory(steps: int) -> list[Figure]:
+    """Resident memory over a long run with its log."""
+    if not Path("/proc/self/statm").exists():
+        return []
+    duration = 600.0 if steps > 3 else 60.0  # [s] simulated
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-c", _LONG_RUN, "zd-pd", str(duration), folder]
+        out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    t, pages = np.array(json.loads(out)).T
+    settled = pages[t >= min(60.0, duration / 2)]
+    growth = float(settled.max() - settled[0]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return [Figure(name=f"memory growth over {duration:.0f} s simulated, after the first minute", value=growth,
+                   unit="MB", target="<= 5")]  # fmt: skip

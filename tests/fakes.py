@@ -1,0 +1,115 @@
+"""Stand-ins for both worlds, for tests of what lies between them."""
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim.errors import PlantDiverged
+from sim.interface import Observation, PlantState
+
+PERIOD = 1e-3  # [s]
+
+
+def plant_state(**changes):
+    """A walker that stands: left foot under the hip, right foot behind and in the air."""
+    still = PlantState(
+        t=0.0,
+        q=np.zeros(5),
+        dq=np.zeros(5),
+        hip=np.array([0.0, 0.75]),
+        dhip=np.zeros(2),
+        foot=np.array([[0.0, 0.0], [-0.2, 0.1]]),
+        clearance=np.array([0.0, 0.1]),
+        torque=np.zeros(4),
+        contact=(True, False),
+        contact_force=np.array([[0.0, 314.0], [0.0, 0.0]]),
+        push=np.zeros(2),
+    )
+    return dataclasses.replace(still, **changes)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """A `ControlStep`."""
+
+    stance: str = "left"
+    u_zd: np.ndarray = field(default_factory=lambda: np.ones(4))
+    u_mpc: np.ndarray = field(default_factory=lambda: np.zeros(4))
+    u_total: np.ndarray = field(default_factory=lambda: np.ones(4))
+    y: np.ndarray = field(default_factory=lambda: np.zeros(4))
+    dy: np.ndarray = field(default_factory=lambda: np.zeros(4))
+    theta: float = 0.0
+    dtheta: float = 0.0
+    s: float = 0.0
+    contact_force: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    impact_in: int = -1
+    status: str = "optimal"
+    fallback: bool = False
+    iterations: int = 0
+    residuals: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    slack: float = 0.0
+    active: int = 0
+    solve_s: float = 0.0
+
+
+class Clockwork:
+    """A plant that takes a step of 0.4 m every `ticks_per_step` ticks, whatever torque is held."""
+
+    def __init__(self, ticks_per_step=10, *, never_lands=False, falls_at=None, diverges_at=None):
+        self.ticks_per_step, self.never_lands = ticks_per_step, never_lands
+        self.falls_at, self.diverges_at = falls_at, diverges_at
+        self.k = 0
+        self.torques, self.forces = [], []
+
+    def state(self):
+        steps = 0 if self.never_lands else self.k // self.ticks_per_step
+        feet = np.zeros((2, 2))
+        stance = steps % 2  # the left foot stands first
+        feet[stance, 0] = 0.4 * steps
+        feet[1 - stance, 0] = 0.4 * (steps - 1)  # the foot that stood before
+        contact = [False, False]
+        contact[stance] = True
+        hip = 0.2 if self.falls_at is not None and self.k >= self.falls_at else 0.75
+        return plant_state(t=self.k * PERIOD, foot=feet, contact=tuple(contact), hip=np.array([feet[stance, 0], hip]))
+
+    def observe(self):
+        return Observation(t=self.k * PERIOD, q=np.zeros(5), dq=np.zeros(5), contact=self.state().contact)
+
+    def hold(self, u, forces=()):
+        if self.k == self.diverges_at:
+            raise PlantDiverged("qpos[3] is nan")
+        self.torques.append(np.array(u))
+        self.forces.append(tuple(forces))
+        self.k += 1
+
+
+class Counting:
+    """A controller whose torque tells the tick; `step_of` may change what it reports."""
+
+    def __init__(self, step_of=lambda k: {}):
+        self.step_of, self.seen = step_of, []
+
+    def reset(self, stance):
+        self.seen.clear()
+
+    def step(self, observation):
+        k = len(self.seen)
+        self.seen.append(observation)
+        return Step(**{"u_total": np.full(4, float(k)), **self.step_of(k)})
+
+
+class Tape:
+    """Remembers ticks and events."""
+
+    def __init__(self):
+        self.ticks, self.events = [], []
+
+    def tick(self, k, state, observation, step, tick_s):
+        self.ticks.append((k, state, observation, step, tick_s))
+
+    def event(self, k, level, name, message):
+        self.events.append((k, level, name, message))
+
+    def named(self, name):
+        return [event for event in self.events if event[2] == name]

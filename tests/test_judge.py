@@ -1,0 +1,99 @@
+"""Steps and falls as the truth has them."""
+
+import numpy as np
+import pytest
+from fakes import plant_state
+
+from sim.judge import SETTLING, FallCriteria, Judge
+from sim.outcome import FallReason
+
+AHEAD = np.array([[0.0, 0.0], [0.4, 0.0]])  # [m] the right foot before the left
+
+
+def landed(t=0.5, foot=AHEAD, contact=(True, True)):
+    return plant_state(t=t, foot=foot, contact=contact)
+
+
+@pytest.fixture
+def judge():
+    return Judge("left")
+
+
+def test_a_step_is_the_swing_foot_landing_ahead(judge):
+    step = judge.touch_down(landed())
+    assert (step.number, step.foot) == (1, "right")
+    assert (step.t, step.duration, step.length) == pytest.approx((0.5, 0.5, 0.4))
+    assert judge.steps == 1 and judge.stance == 1 and judge.last_impact == 0.5
+
+
+def test_a_step_counts_once_while_both_feet_stand(judge):
+    assert [bool(judge.touch_down(landed(t))) for t in (0.5, 0.501, 0.502)] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        landed(contact=(True, False)),
+        landed(contact=(False, False)),
+        landed(foot=np.array([[0.0, 0.0], [-0.1, 0.0]])),
+        landed(foot=np.zeros((2, 2))),
+    ],
+    ids=["swing", "flight", "scuff behind", "feet together"],
+)
+def test_no_step(judge, state):
+    assert judge.touch_down(state) is None
+    assert judge.steps == 0 and judge.stance == 0
+
+
+def test_feet_take_turns_and_durations_add_up(judge):
+    found = []
+    for k, t in enumerate((0.5, 1.1, 1.6)):
+        foot = np.zeros((2, 2))
+        foot[1 - k % 2, 0] = 0.4
+        found.append(judge.touch_down(landed(t, foot)))
+    assert [step.foot for step in found] == ["right", "left", "right"]
+    assert [step.number for step in found] == [1, 2, 3]
+    assert sum(step.duration for step in found) == pytest.approx(1.6)
+
+
+def test_contact_forces_count_once_the_impact_is_over(judge):
+    judge.touch_down(landed(0.5))
+    assert not judge.settled(0.5) and not judge.settled(0.5 + SETTLING - 1e-9)
+    assert judge.settled(0.5 + SETTLING + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason", "figures"),
+    [
+        ({}, FallReason.NONE, ""),
+        ({"hip": np.array([0.0, 0.451])}, FallReason.NONE, ""),
+        ({"hip": np.array([0.0, 0.449])}, FallReason.HIP_LOW, "0.449 m"),
+        ({"q": np.array([0, 0, 0, 0, 1.19])}, FallReason.NONE, ""),
+        ({"q": np.array([0, 0, 0, 0, 1.21])}, FallReason.TORSO_TILT, "1.21 rad"),
+        ({"q": np.array([0, 0, 0, 0, -1.21])}, FallReason.TORSO_TILT, "-1.21 rad"),
+        ({"penetrating": ("torso", "left_femur")}, FallReason.BODY_CONTACT, "torso, left_femur"),
+        ({"t": 2.0}, FallReason.NONE, ""),
+        ({"t": 2.001}, FallReason.STALLED, "2.0 s"),
+    ],
+)
+def test_falls(judge, changes, reason, figures):
+    found, detail = judge.fall(plant_state(**changes))
+    assert found is reason
+    assert figures in detail and bool(detail) == bool(figures)
+
+
+def test_hip_height_is_above_the_lower_foot(judge):
+    """On a slope that leads down, the hip may be low above level ground and high above the foot."""
+    down = plant_state(hip=np.array([4.0, 0.3]), foot=np.array([[4.0, -0.45], [3.8, -0.3]]))
+    assert judge.fall(down)[0] is FallReason.NONE
+
+
+def test_a_step_ends_the_stall(judge):
+    judge.touch_down(landed(1.9))
+    assert judge.fall(plant_state(t=3.8))[0] is FallReason.NONE
+
+
+def test_criteria_can_be_others():
+    strict = Judge("right", FallCriteria(hip_height=0.8))
+    assert strict.fall(plant_state())[0] is FallReason.HIP_LOW
+    assert strict.stance == 1

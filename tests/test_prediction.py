@@ -1,0 +1,152 @@
+"""The horizon is the closed loop under ZD+PD, sampled, with impacts found from the state."""
+
+import numpy as np
+import oracle
+import pytest
+
+from controller.prediction import predict
+from controller.records import Leg, StanceState
+from controller.zero_dynamics import zero_dynamics_pd
+
+N, T = 100, 1e-3
+Q, DQ = slice(0, 5), slice(5, 10)
+
+
+def state(q, dq, leg=Leg.LEFT):
+    return StanceState(q=q, dq=dq, leg=leg)
+
+
+@pytest.fixture(scope="module")
+def at_start(gait, model):
+    return state(*gait.post_impact(model))
+
+
+@pytest.fixture(scope="module")
+def before_impact(model, gait, gains, at_start):
+    """Half a step after the start: an impact lies within the next horizon."""
+    x = predict(model, gait, gains, at_start, 480, T).x[-1]
+    return state(x[Q], x[DQ])
+
+
+def in_surface(walker, x):
+    """Whether x is in S of Eq. (4), going down, by Pinocchio."""
+    q_e, dq_e = walker.unpinned(x[Q], x[DQ])
+    ahead, height = walker.foot(q_e, oracle.SWING_FOOT)
+    return ahead > 0 and height <= 0 and (walker.jacobian(q_e, oracle.SWING_FOOT) @ dq_e)[1] < 0
+
+
+def euler(model, gait, gains, x):
+    """Eqs. (10)-(12) with u_tilde = 0."""
+    step = zero_dynamics_pd(model, gait, gains, x[Q], x[DQ])
+    return np.concatenate([x[Q] + T * x[DQ] + T**2 / 2 * step.ddq, x[DQ] + T * step.ddq])
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.05])
+def test_every_stage_is_one_step_of_the_law_or_that_and_an_impact(model, walker, gait, gains, before_impact, offset):
+    torso = np.array([0, 0, 0, 0, offset])
+    horizon = predict(model, gait, gains, state(before_impact.q + torso, before_impact.dq), N, T)
+    assert horizon.exchange.any()
+    for k in range(N):
+        x = euler(model, gait, gains, horizon.x[k])
+        assert horizon.exchange[k] == in_surface(walker, x)
+        if horizon.exchange[k]:
+            x = np.concatenate(walker.impact(x[Q], x[DQ]))
+        assert horizon.x[k + 1] == pytest.approx(x, rel=1e-9, abs=1e-9)
+
+
+def test_every_stage_reports_its_law(model, walker, gait, gains, before_impact):
+    horizon = predict(model, gait, gains, before_impact, N, T)
+    for k in range(N):
+        q, dq = horizon.x[k, Q], horizon.x[k, DQ]
+        step = zero_dynamics_pd(model, gait, gains, q, dq)
+        assert horizon.u[k] == pytest.approx(step.u, rel=1e-9, abs=1e-9)
+        assert horizon.y[k] == pytest.approx(step.y, abs=1e-12)
+        assert horizon.dy[k] == pytest.approx(step.dy, abs=1e-11)
+        D, _ = walker.pinned(q, dq)
+        DinvB = np.linalg.solve(D, oracle.B)
+        assert horizon.rate_per_torque[k] == pytest.approx(T * DinvB[:4], rel=1e-9, abs=1e-12)
+        force, per_torque = walker.stance_force(q, dq, step.u)
+        assert horizon.force[k] == pytest.approx(force, rel=1e-8, abs=1e-6)
+        assert horizon.force_per_torque[k] == pytest.approx(per_torque, rel=1e-8, abs=1e-9)
+    last = zero_dynamics_pd(model, gait, gains, horizon.x[N, Q], horizon.x[N, DQ])
+    assert (*horizon.y[N], *horizon.dy[N]) == pytest.approx((*last.y, *last.dy), abs=1e-11)
+    first = zero_dynamics_pd(model, gait, gains, before_impact.q, before_impact.dq)
+    assert (horizon.theta, horizon.dtheta) == pytest.approx((first.theta, first.dtheta))
+
+
+def test_sampling_is_of_first_order_overall_and_of_second_and_third_in_a_step(model, gait, gains, at_start):
+    """Against the continuous closed loop: per step, q misses by T^3 and dq by T^2; over a time, both by T."""
+
+    def flow(x):
+        return np.concatenate([x[DQ], zero_dynamics_pd(model, gait, gains, x[Q], x[DQ]).ddq])
+
+    x0 = np.concatenate([at_start.q + np.array([0.02, -0.03, 0.04, 0.02, 0.01]), at_start.dq])
+    duration = 0.08  # [s]
+    exact = oracle.runge_kutta(flow, x0, duration, 800)
+
+    def miss(stages):
+        horizon = predict(model, gait, gains, state(x0[Q], x0[DQ]), stages, duration / stages)
+        assert not horizon.exchange.any()
+        return np.abs(horizon.x[-1] - exact).max()
+
+    errors = np.array([miss(stages) for stages in (40, 80, 160, 320)])
+    assert np.log2(errors[:-1] / errors[1:]) == pytest.approx(np.ones(3), abs=0.15)
+
+    def local(h):
+        x = predict(model, gait, gains, state(x0[Q], x0[DQ]), 1, h).x[1] - oracle.runge_kutta(flow, x0, h, 20)
+        return np.array([np.abs(x[Q]).max(), np.abs(x[DQ]).max()])
+
+    orders = np.log2(local(1e-3) / local(5e-4))
+    assert orders == pytest.approx([3.0, 2.0], abs=0.15)
+
+
+def test_impact_comes_from_the_state_not_from_time(model, gait, gains, before_impact):
+    """Starting k ticks later on the same path, the impact is k ticks nearer and all stages are the same."""
+    horizon = predict(model, gait, gains, before_impact, N, T)
+    first = horizon.impact_in
+    assert first > 10 and horizon.exchange[first - 1]
+    for k in (1, 7, first - 1):
+        later = predict(model, gait, gains, state(horizon.x[k, Q], horizon.x[k, DQ]), N - k, T)
+        assert later.impact_in == first - k
+        assert np.array_equal(later.x, horizon.x[k:])
+        assert np.array_equal(later.u, horizon.u[k:])
+    after = predict(model, gait, gains, state(horizon.x[first, Q], horizon.x[first, DQ]), N - first, T)
+    assert after.impact_in == -1
+
+
+def test_a_faster_walker_lands_sooner(model, gait, gains, before_impact):
+    landings = [
+        predict(model, gait, gains, state(before_impact.q, factor * before_impact.dq), N, T).impact_in
+        for factor in (1.0, 1.3, 1.7)
+    ]
+    assert landings[0] > landings[1] > landings[2] > 0
+
+
+def test_the_gait_predicts_itself(model, gait, gains, at_start):
+    """The paper's gait: a first step of some 0.52 s and 0.40 m, its errors those of the table's decimals."""
+    horizon = predict(model, gait, gains, at_start, 600, T)
+    assert 0.50 < horizon.impact_in * T < 0.55
+    landed = horizon.x[horizon.impact_in]
+    behind, height, _ = model.swing_foot(landed[Q], landed[DQ])
+    assert behind == pytest.approx(-0.40, abs=0.01) and abs(height) < 2e-3
+    assert np.abs(horizon.y[: horizon.impact_in]).max() < 0.02
+
+
+def test_prediction_does_not_know_which_leg_it_is(model, gait, gains, before_impact):
+    left = predict(model, gait, gains, before_impact, N, T)
+    right = predict(model, gait, gains, state(before_impact.q, before_impact.dq, Leg.RIGHT), N, T)
+    assert np.array_equal(left.x, right.x)
+
+
+def test_prediction_keeps_its_arguments_and_repeats_itself(model, gait, gains, before_impact):
+    q, dq = before_impact.q.copy(), before_impact.dq.copy()
+    a, b = (predict(model, gait, gains, before_impact, N, T) for _ in range(2))
+    assert np.array_equal(q, before_impact.q) and np.array_equal(dq, before_impact.dq)
+    assert all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ("x", "u", "y", "force"))
+
+
+def test_a_state_that_can_not_be_is_told_not_raised(model, gait, gains, at_start):
+    assert predict(model, gait, gains, at_start, N, T).is_finite
+    wild = predict(model, gait, gains, state(at_start.q, 1e4 * at_start.dq), N, T)
+    assert not wild.is_finite
+    assert not predict(model, gait, gains, state(at_start.q * np.nan, at_start.dq), N, T).is_finite
