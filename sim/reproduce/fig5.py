@@ -63,8 +63,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         runs = [results[f"{plant}/{controller}/pushed"] for controller in CONTROLLERS]
         walk = [OUTCOMES[int(run["outcome"])] == "completed" for run in runs]
         words = [
-            "walks on" if on else f"falls in step {int(run['steps']) + 1}"
-            for on, run in zip(walk, runs, strict=True)
+            "walks on" if on else f"falls in step {int(run['steps']) + 1}" for on, run in zip(walk, runs, strict=True)
         ]
         return Finding(text=f"ZD+PD {words[0]}, C-MPC {words[1]}", holds=all(walk))
 
@@ -120,7 +119,6 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         notes=(
             "Where a walker falls, only the steps both complete are compared.",
             f"Steady RMS over steps {STEADY_FROM + 1} to {STEADY_STEPS} of an undisturbed walk, all four outputs.",
-        ,
         ),
     )
 

@@ -112,7 +112,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         panels=tuple(panels),
         tables=tables,
         notes=(
-            "Windows: step 1, step 2 (pushed), steps 9 to 12. RMS over all four joints, impacts included. Step 1 begins "
-            "with the exact state after a rigid impact; the steps after it begin with the plant's own impact.",
+            "Windows: step 1, step 2 (pushed), steps 9 to 12. RMS over all four joints, impacts included. Step 1 "
+            "begins with the exact state after a rigid impact; the steps after it begin with the plant's own impact.",
         ),
     )
