@@ -11,6 +11,7 @@ so the problem always has exactly one solution; the torque box is hard.
 """
 
 import time
+import warnings
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -179,7 +180,9 @@ class SparseSolver:
         start = time.perf_counter()
         qp = self.sparse_form(problem)
         try:
-            result = qpsolvers.solve_problem(qp, solver=self.name, **self._options)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # adapters warn of what the status says anyway
+                result = qpsolvers.solve_problem(qp, solver=self.name, **self._options)
         except qpsolvers.exceptions.QPError:
             return failed(self._N, "solver-error", time.perf_counter() - start)
         elapsed = time.perf_counter() - start

@@ -16,6 +16,7 @@ COMMANDS = {
     "reproduce": "The paper's figures and tables again, with a verdict for each claim.",
     "poincare": "Fixed point and eigenvalues of the step-to-step map.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
+    "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",
 }
 
 EXIT_USER_ERROR = 2

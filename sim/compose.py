@@ -1,6 +1,7 @@
 """The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
 
 import contextlib
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -88,6 +89,12 @@ def load_belief(scenario: Scenario) -> Belief:
     with _as_user_errors():
         model = WalkerModel(folder.urdf)
         return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
+
+
+@functools.lru_cache(maxsize=4)
+def known_belief(walker: str, gait: str) -> Belief:
+    """The controller's model and gait, read once a process: a campaign runs thousands of scenarios."""
+    return load_belief(Scenario(walker=walker, gait=gait))
 
 
 def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
@@ -202,6 +209,7 @@ def run_scenario(
     announce: Announce | None = None,
     solver: Solver | None = None,
     tape: Tape | None = None,
+    belief: Belief | None = None,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -213,11 +221,12 @@ def run_scenario(
         announce: Told a line for the user before something long.
         solver: Used instead of the one the scenario names.
         tape: Takes ticks and events where no log is written.
+        belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
         UserError: a file or a setting is not legal, or the log can not be written.
     """
-    belief = load_belief(scenario)
+    belief = belief or load_belief(scenario)
     controller = build_controller(scenario.controller, belief, solver=solver)
     plant = build_plant(scenario)
     q, dq = start_state(scenario, belief)

@@ -87,7 +87,7 @@ def _arrays(tables: Any, path: str) -> Iterator[tuple[str, Spec, int]]:
     """Every array of tables: dotted path, specification, number of tables in it."""
     for name, spec in specs(type(tables)).items():
         here, value = settings.join(path, name), getattr(tables, name)
-        if spec.repeated:
+        if spec.repeated and spec.is_table:
             yield here, spec, len(value)
         elif spec.is_table:
             yield from _arrays(value, here)

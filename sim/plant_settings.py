@@ -76,7 +76,8 @@ class GroundSettings:
 
     Attributes:
         friction: Coulomb friction coefficient between foot and floor.
-        slope: Inclination, positive uphill.
+        slope: Inclination, positive uphill. The walker starts in the gait's posture, whose rear foot is then above
+            the ground or in it; a ramp that begins further on has no such start.
         stiffness_factor: Factor on the stiffness of the contact.
         damping_factor: Factor on the damping of the contact.
         ramps: Stretches with an inclination of their own.

@@ -48,9 +48,9 @@ def test_a_mass_must_stay_above_zero() -> None:
 
 def test_centres_of_mass_move_in_the_link_frame_and_pushes_follow() -> None:
     before = plant().com["left_tibia"]
-    after = plant(
-        com_offset_along=BodyLengths(left_tibia=0.02), com_offset_across=BodyLengths(left_tibia=-0.01)
-    ).com["left_tibia"]
+    after = plant(com_offset_along=BodyLengths(left_tibia=0.02), com_offset_across=BodyLengths(left_tibia=-0.01)).com[
+        "left_tibia"
+    ]
     assert np.subtract(after, before) == pytest.approx([-0.01, 0.02])
 
 
@@ -87,9 +87,7 @@ def test_softer_ground_is_entered_deeper_in_proportion() -> None:
 
 
 def test_contact_damping_changes_damping_alone_and_has_a_limit() -> None:
-    soft, nominal = (
-        plant(ground=GroundSettings(damping_factor=f)).model.geom("left_foot").solref for f in (2.0, 1.0)
-    )
+    soft, nominal = (plant(ground=GroundSettings(damping_factor=f)).model.geom("left_foot").solref for f in (2.0, 1.0))
     assert soft[0] == pytest.approx(nominal[0] / 2)
     assert soft[0] * soft[1] == pytest.approx(nominal[0] * nominal[1])
     with pytest.raises(UserError, match=r"damping_factor = 5: must be at most 4"):

@@ -1,184 +1,167 @@
-"""The structured solver: its linear algebra against dense matrices, its answers against optimality, tick after tick."""
+"""The solver `riccati` over many ticks: its memory makes it fast, never different."""
+
+import dataclasses
 
 import numpy as np
+import oracle
 import pytest
 
-from controller import active_set, interior_point, riccati, structured
-from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
-from controller.qp import StageQP, failed
+from controller import structured
+from controller.cascade import CascadedMpc, Friction, Weights, build_problem
+from controller.prediction import predict
+from controller.qp import ROWS, failed
+from controller.records import Leg, StanceState
 from controller.solvers import make_solver
-from controller.structured import RiccatiSolver
+from sim.interface import Observation
 
-N, R = 12, 3
+N, T = 30, 1e-3
+MU = 0.2  # slippery
 
 
-def random_problem(rng, *, tight=1.0, conflict=False, n=N):
-    """A stage problem with the structure and roughly the sizes of a walking one."""
-    rows = rng.normal(0.0, 2.0, (n, R, 4))
-    limits = rng.normal(30.0 * tight, 30.0 * tight, (n, R))
-    centre = rng.normal(0.0, 60.0 if conflict else 10.0, (n, 4))
-    if conflict:
-        rows[:, 1] = -rows[:, 0] + 0.1 * rng.normal(size=(n, 4))
-        limits[:, 0] = limits[:, 1] = -20.0  # the two rows contradict each other
-    return StageQP(
-        rate=1e-3 * rng.normal(0.0, 3.0, (n, 4, 4)),
-        weight=np.arange(1, n + 1)[:, None] * np.array([1e4, 2e4, 2e4, 1e4]),
-        linear=np.arange(1, n + 1)[:, None] * rng.normal(0.0, 2e3, (n, 4)),
-        R=np.ones(4),
-        lower=-60.0 * tight + centre,
-        upper=60.0 * tight + centre,
-        rows=rows,
-        limits=limits,
-        penalty=1e5,
+class Keeping:
+    """Hands every problem on and keeps it."""
+
+    def __init__(self, inner):
+        self.inner, self.kept = inner, []
+
+    def reset(self):
+        self.inner.reset()
+
+    def solve(self, problem):
+        self.kept.append((problem, self.inner.solve(problem)))
+        return self.kept[-1][1]
+
+
+@pytest.fixture(scope="module")
+def walk(model, walker, gait, gains):
+    """(problem, answer) of 700 ticks of a belief that walks on slippery ground after a kick, through an impact."""
+    solver = Keeping(make_solver("riccati", N, ROWS))
+    controller = CascadedMpc(
+        model,
+        gait,
+        gains,
+        N=N,
+        T=T,
+        weights=Weights.of_paper(gains, T),
+        friction=Friction(mu=MU, normal_min=20.0),
+        solver=solver,
     )
+    controller.reset("left")
+    q, dq = gait.post_impact(model)
+    dq = dq + np.array([0.0, 0.0, 0.0, 0.0, -0.3])
+    left = True
+    for k in range(700):
+        contact = (True, False) if left else (False, True)
+        body = (q, dq) if left else (oracle.R @ q, oracle.R @ dq)
+        step = controller.step(Observation(t=k * T, q=body[0], dq=body[1], contact=contact))
+        u = step.u_total if left else oracle.R[:4, :4] @ step.u_total
+        ddq = model.acceleration(q, dq, u)
+        q, dq = q + T * dq + 0.5 * T**2 * ddq, dq + T * ddq
+        ahead, height, rate = model.swing_foot(q, dq)
+        if ahead > 0 and height <= 0 and rate < 0:
+            q, dq = model.impact(q, dq)
+            left = not left
+            controller.stance.reset("left" if left else "right")  # the solver is to remember, so not controller.reset
+    assert not left
+    return solver.kept
 
 
-def compiled(problem):
-    fields = ("rate", "weight", "linear", "R", "lower", "upper", "rows", "limits", "penalty")
-    return riccati.Problem(*(getattr(problem, name) for name in fields))
+def test_every_tick_is_solved_to_optimality(walk):
+    limits = [(p.lower, p.upper) for p, _ in walk]
+    assert all(s.found and s.status == "optimal" for _, s in walk)
+    assert all((s.u >= a - 1e-6).all() and (s.u <= b + 1e-6).all() for (a, b), (_, s) in zip(limits, walk, strict=True))
+    assert max(oracle.excess(p, s.u) for p, s in walk) < 1e-6
+    # The walk was not a stroll: torques at their limits, rows that bind, and ticks with neither.
+    assert sum(s.active > 0 for _, s in walk) > 300 and sum(s.slack > 0 for _, s in walk) > 100
+    assert sum(s.active == 0 for _, s in walk) > 50
+    assert any(s.iterations > 10 for _, s in walk)  # the interior-point method had its turn
 
 
-def dense(problem, weight_u, Omega):
-    """Matrix and input-to-rate map of the Newton system, all stages stacked."""
-    n = problem.N
-    G = np.zeros((4 * n, 4 * n))
-    for k in range(n):
-        for j in range(k + 1):
-            G[4 * k : 4 * k + 4, 4 * j : 4 * j + 4] = problem.rate[j]
-    H = G.T @ np.diag(problem.weight.ravel()) @ G + np.diag(weight_u.ravel())
-    for k in range(n):
-        at = slice(4 * k, 4 * k + 4)
-        H[at, at] += problem.rows[k].T @ np.diag(Omega[k]) @ problem.rows[k]
-    return H, G
+def test_memory_changes_speed_and_nothing_else(walk):
+    """The same problem from a cold start has the same answer, to what the torque sensors of no robot see."""
+    for problem, warm in walk[::10]:
+        cold = make_solver("riccati", N, ROWS).solve(problem)
+        assert cold.u == pytest.approx(warm.u, abs=1e-3)
+    iterations = [s.iterations for _, s in walk]
+    cold = [make_solver("riccati", N, ROWS).solve(p).iterations for p, _ in walk[::10]]
+    assert np.median(iterations) <= np.median(cold)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_a_sweep_is_the_dense_newton_step(seed):
-    rng = np.random.default_rng(seed)
-    problem = random_problem(rng)
-    p, factors = compiled(problem), riccati.new_factors(N)
-    weight_u, Omega = rng.uniform(1.0, 50.0, (N, 4)), rng.uniform(0.0, 1e3, (N, R)) * (rng.random((N, R)) < 0.5)
-    fixed = rng.choice(np.array([-1, 0, 0, 1], dtype=np.int8), (N, 4))
-    given, a, b = rng.normal(size=(3, N, 4))
-    du = np.empty((N, 4))
-    riccati.factorise(p, fixed, weight_u, Omega, factors)
-    riccati.step(p, fixed, given, Omega, a, b, factors, du)
-
-    H, G = dense(problem, weight_u, Omega)
-    gradient = G.T @ a.ravel() + b.ravel()
-    free = fixed.ravel() == 0
-    expected = given.ravel().copy()
-    expected[free] = np.linalg.solve(H[np.ix_(free, free)], -(gradient + H[:, ~free] @ expected[~free])[free])
-    np.testing.assert_allclose(du.ravel(), expected, rtol=1e-8, atol=1e-9)
+def test_another_solver_has_the_same_answers(walk):
+    for problem, warm in walk[::20]:
+        other = make_solver("piqp", N, ROWS).solve(problem)
+        assert problem.objective(warm.u) <= problem.objective(other.u) + 1e-5 * abs(problem.objective(other.u)) + 1e-6
+        assert other.u[0] == pytest.approx(warm.u[0], abs=0.05)
 
 
-def test_the_gradient_is_that_of_the_objective():
-    rng = np.random.default_rng(3)
-    problem = random_problem(rng)
-    p, u = compiled(problem), rng.normal(0.0, 20.0, (N, 4))
-    w, gradient = np.empty((2, N, 4))
-    riccati.rates(p, u, w)
-    riccati.smooth_gradient(p, u, w, gradient)
-    guess = active_set.Guess(np.zeros((N, 4), np.int8), np.zeros((N, R), np.bool_))
-    active_set.correct(p, guess, u, gradient)  # adds the share of the contact-force rows
-    for k, i in [(0, 0), (5, 2), (N - 1, 3)]:
-        step = np.zeros((N, 4))
-        step[k, i] = 1e-4
-        slope = (problem.objective(u + step) - problem.objective(u - step)) / 2e-4
-        assert slope == pytest.approx(gradient[k, i], rel=1e-5, abs=1e-2)
-
-
-@pytest.mark.parametrize("conflict", [False, True])
-@pytest.mark.parametrize("seed", range(8))
-def test_active_set_and_interior_point_find_the_same_answer(seed, conflict):
-    rng = np.random.default_rng(100 + seed)
-    problem = random_problem(rng, conflict=conflict)
-    p = compiled(problem)
-    exact = make_solver("riccati", N, R).solve(problem)
-    assert exact.found and exact.residuals[1] < 1e-6
-
-    point, factors = interior_point.new_point(N, R), riccati.new_factors(N)
-    w, gradient = np.empty((2, N, 4))
-    assert interior_point.minimise(p, point, False, w, gradient, factors, structured.INTERIOR_TOLERANCE, 60) > 0
-    np.testing.assert_allclose(point.u, exact.u, atol=1e-3)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_answer_is_clarabels(seed):
-    problem = random_problem(np.random.default_rng(200 + seed), conflict=seed % 2 == 1)
-    own, other = make_solver("riccati", N, R).solve(problem), exact_clarabel(N).solve(problem)
-    np.testing.assert_allclose(own.u, other.u, atol=1e-3)
-    best = problem.objective(other.u)
-    assert problem.objective(own.u) <= best + 1e-9 * abs(best)
-
-
-def test_a_warm_solver_gives_the_cold_ones_answer():
-    """Ticks that drift: the guess of the last one helps, it does not decide."""
-    rng = np.random.default_rng(7)
-    base, drift = random_problem(rng, tight=0.3), random_problem(rng, tight=0.3)
-    warm = make_solver("riccati", N, R)
-    for s in np.linspace(0.0, 0.2, 15):
-        mixed = {
-            name: (1 - s) * getattr(base, name) + s * getattr(drift, name)
-            for name in ("rate", "weight", "linear", "lower", "upper", "rows", "limits")
-        }
-        problem = StageQP(**mixed, R=base.R, penalty=base.penalty)
-        np.testing.assert_allclose(warm.solve(problem).u, make_solver("riccati", N, R).solve(problem).u, atol=1e-5)
-
-
-def test_reset_forgets_so_that_runs_repeat():
-    rng = np.random.default_rng(8)
-    problems = [random_problem(rng, tight=0.3, conflict=k % 3 == 0) for k in range(6)]
-    solver = make_solver("riccati", N, R)
-    first = [solver.solve(problem).u.tobytes() for problem in problems]
+def test_reset_forgets(walk):
+    solver = make_solver("riccati", N, ROWS)
+    first = [solver.solve(problem).u.tobytes() for problem, _ in walk[:100]]
     solver.reset()
-    assert [solver.solve(problem).u.tobytes() for problem in problems] == first
+    assert [solver.solve(problem).u.tobytes() for problem, _ in walk[:100]] == first
 
 
-def test_a_problem_it_can_not_settle_goes_to_the_next_in_line(monkeypatch):
-    problem = random_problem(np.random.default_rng(9))
-    monkeypatch.setattr(structured, "STATIONARY", -1.0)  # nothing is good enough
-    solution = make_solver("riccati", N, R).solve(problem)
-    assert (solution.found, solution.status) == (True, "second-solver")
-    assert problem.objective(solution.u) == pytest.approx(
-        problem.objective(exact_clarabel(N).solve(problem).u), rel=1e-6
-    )
-
-    class Mute:
-        def reset(self):
-            pass
-
-        def solve(self, problem):
-            return failed(problem.N, "no-solution")
-
-    nobody = RiccatiSolver(N, R, (Mute(), Mute())).solve(problem)
-    assert (nobody.found, nobody.status) == (False, "no-solution")
+def test_an_answer_is_not_changed_by_the_next(walk):
+    solver = make_solver("riccati", N, ROWS)
+    answer = solver.solve(walk[0][0])
+    kept = answer.u.copy()
+    solver.solve(walk[-1][0])
+    assert np.array_equal(answer.u, kept)
 
 
-def test_residuals_bound_the_distance_to_the_optimum():
-    rng = np.random.default_rng(10)
-    problem = random_problem(rng, tight=0.3)
-    p = compiled(problem)
-    exact = make_solver("riccati", N, R).solve(problem).u
-    near = np.clip(exact + 1e-3 * rng.normal(size=exact.shape), problem.lower, problem.upper)
-    w, gradient = np.empty((2, N, 4))
-    riccati.rates(p, near, w)
-    riccati.smooth_gradient(p, near, w, gradient)
-    guess = active_set.Guess(np.zeros((N, 4), np.int8), np.zeros((N, R), np.bool_))
-    active_set.correct(p, guess, near, gradient)
-    stationarity, feasibility, _, _, _ = structured.residuals(p, near, gradient)
-    assert feasibility == 0.0
-    assert np.sqrt(near.size) * stationarity >= np.linalg.norm(near - exact)
+def test_the_problem_is_left_as_it_was(walk):
+    problem, _ = walk[50]
+    before = {f.name: np.array(getattr(problem, f.name)) for f in dataclasses.fields(problem)}
+    make_solver("riccati", N, ROWS).solve(problem)
+    assert all(np.array_equal(getattr(problem, name), value) for name, value in before.items())
 
 
-def test_comparing_walks_on_the_first_and_keeps_the_books():
-    problems = [random_problem(np.random.default_rng(20 + k), tight=0.3) for k in range(4)]
-    both = ComparingSolver(make_solver("riccati", N, R), exact_clarabel(N), keep_every=2)
-    answers = [both.solve(problem).u for problem in problems]
-    for problem, u in zip(problems, answers, strict=True):
-        np.testing.assert_array_equal(u, make_solver("riccati", N, R).solve(problem).u)
-    assert (both.problems, both.active, len(both.kept)) == (4, 4, 2)
-    assert both.torque_gap < 1e-3 and both.objective_gap < 1e-6 and both.violation == 0.0
-    table = compare_solvers(("riccati", "clarabel"), both.kept)
-    assert table["riccati"]["gap_Nm"] == 0.0 and table["clarabel"]["gap_Nm"] < 1e-2
-    assert all(row["failed"] == 0 and row["median_ms"] > 0 for row in table.values())
+def test_box_and_rows_that_contradict_each_other(walk):
+    """Rows that no torque can meet: the box holds, the softening says by how much, and the answer is the least bad."""
+    problem, _ = walk[0]
+    impossible = dataclasses.replace(problem, limits=problem.limits - 5000.0)
+    solution = make_solver("riccati", N, ROWS).solve(impossible)
+    assert solution.found and solution.slack > 1000.0
+    assert (solution.u >= impossible.lower - 1e-6).all() and (solution.u <= impossible.upper + 1e-6).all()
+    assert oracle.excess(impossible, solution.u) < 1e-6
+    other = make_solver("clarabel", N, ROWS).solve(impossible)
+    assert impossible.objective(solution.u) == pytest.approx(impossible.objective(other.u), rel=1e-6)
+
+
+@pytest.mark.parametrize("stages", [1, 2, 7])
+def test_short_horizons(model, gait, gains, walking_states, stages):
+    for q, dq in walking_states(10, spread=0.05):
+        horizon = predict(model, gait, gains, StanceState(q=q, dq=dq, leg=Leg.LEFT), stages, T)
+        problem = build_problem(
+            horizon, Weights.of_paper(gains, T), model.torque_limits, Friction(mu=MU, normal_min=20.0)
+        )
+        ours, theirs = (make_solver(name, stages, ROWS).solve(problem) for name in ("riccati", "clarabel"))
+        assert ours.found and oracle.excess(problem, ours.u) < 1e-6
+        assert problem.objective(ours.u) <= problem.objective(theirs.u) + 1e-5 * abs(problem.objective(theirs.u)) + 1e-6
+
+
+class Other:
+    """A next solver in line that finds something, or nothing."""
+
+    def __init__(self, found):
+        self.found, self.calls = found, 0
+
+    def reset(self):
+        pass
+
+    def solve(self, problem):
+        self.calls += 1
+        nothing = failed(N, "no-solution")
+        return dataclasses.replace(nothing, found=True, status="optimal") if self.found else nothing
+
+
+def test_what_it_can_not_settle_goes_to_the_next_in_line_and_is_said(walk):
+    problem, _ = walk[0]
+    nan = dataclasses.replace(problem, linear=np.full_like(problem.linear, np.nan))
+    first, second, third = Other(False), Other(True), Other(True)
+    solver = structured.RiccatiSolver(N, ROWS, (first, second, third))
+    solution = solver.solve(nan)
+    assert solution.found and solution.status == "second-solver"
+    assert (first.calls, second.calls, third.calls) == (1, 1, 0)
+    assert structured.RiccatiSolver(N, ROWS, (Other(False),)).solve(nan).status == "no-solution"
+    assert solver.solve(problem).status == "optimal"  # and goes on as if nothing had been

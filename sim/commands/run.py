@@ -3,6 +3,7 @@
 import re
 import sys
 import tempfile
+from argparse import Namespace
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
     if found.list:
         _print_list()
         return 0
-    scenario = load(found.scenario)
+    scenario = _scenario(found)
     if found.help:
         _parser(scenario, argv).print_help()
         return 0
@@ -48,6 +49,17 @@ def main(argv: Sequence[str]) -> int:
     return _run(scenario, log, json=found.json, quiet=found.quiet)
 
 
+def _scenario(found: Namespace) -> Scenario:
+    """The scenario by name, by file, or of a trial of a campaign."""
+    if found.from_trial is None:
+        return load(found.scenario or DEFAULT)
+    if found.scenario is not None:
+        raise UserError(f"{found.scenario} and --from-trial: must be one of them; a trial brings its scenario")
+    from sim.trials.recall import stored_scenario
+
+    return stored_scenario(found.from_trial)
+
+
 def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
     parser = flags.Parser(
         prog="cmpc run",
@@ -56,13 +68,14 @@ def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
         epilog=EPILOG,
     )
     text = f"a shipped scenario (see --list) or a scenario file (default: {DEFAULT})"
-    parser.add_argument("scenario", nargs="?", default=DEFAULT, metavar="NAME|FILE.toml", help=text)
+    parser.add_argument("scenario", nargs="?", metavar="NAME|FILE.toml", help=text)
     own = parser.add_argument_group("options")
     own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
     own.add_argument("--list", action="store_true", help="list the shipped scenarios")
     where = own.add_mutually_exclusive_group()
     where.add_argument("--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>.mcap)")
     where.add_argument("--no-log", action="store_true", help="write no log")
+    own.add_argument("--from-trial", metavar="DIR#ID", help="run a trial of cmpc trials again, to the same end")
     own.add_argument("--json", action="store_true", help="print the summary as one JSON object, and no bar")
     own.add_argument("--quiet", action="store_true", help="show no progress bar")
     flags.add_settings(parser, scenario, argv)
