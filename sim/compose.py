@@ -28,7 +28,10 @@ from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
+from sim.rig import Rig
+from sim.rigid import RigidPlant
 from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
+from sim.sections import Surface
 from sim.sensors import Sensors
 from sim.viewer import check_display, viewer
 
@@ -37,6 +40,7 @@ __all__ = [
     "ComparingSolver",
     "build_controller",
     "build_plant",
+    "build_rig",
     "compare_solvers",
     "exact_clarabel",
     "load_belief",
@@ -126,7 +130,7 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         )
 
 
-def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:
     """The plant a scenario asks for, not yet reset.
 
     Args:
@@ -137,7 +141,8 @@ def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPl
         UserError: a model file or a setting is not legal.
     """
     files = files or ModelFiles.of(scenario)
-    return MujocoPlant(
+    plant = RigidPlant if scenario.plant.kind == "rigid" else MujocoPlant
+    return plant(
         scenario.plant,
         files.mjcf,
         scenario.controller.period,
@@ -166,6 +171,29 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
     q, dq = q + np.array(scenario.start.q_offset), dq + np.array(scenario.start.dq_offset)
     q[-1] += scenario.start.torso_offset
     return q, dq
+
+
+def build_rig(scenario: Scenario) -> Rig:
+    """Plant and controller of a scenario for many runs.
+
+    Raises:
+        UserError: a file or a setting is not legal.
+    """
+    belief = load_belief(scenario)
+    plant = build_plant(scenario)
+    q, dq = belief.gait.post_impact(belief.model)
+    return Rig(
+        scenario=scenario,
+        plant=plant,
+        walker=lambda: instrument(plant, scenario),
+        controller=build_controller(scenario.controller, belief),
+        com=plant.com,
+        torque_limits=plant.torque_limits,
+        q_start=q,
+        dq_start=dq,
+        x_gait=np.concatenate((belief.gait.q_minus, belief.gait.dq_minus)),
+        surface=Surface(plant.legs, scenario.plant.ground.slope),
+    )
 
 
 def warm_up(controller: Controller, observation: Observation, announce: Announce | None = None) -> None:
