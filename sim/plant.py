@@ -14,12 +14,11 @@ import numpy as np
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, FEET, JOINTS, AppliedForce, Observation, PlantState, Vector
+from sim.kinematics import LEGS, LegGeometry
 from sim.plant_spec import BODIES, INTEGRATORS, build_spec
 from sim.scenario import PlantSettings
 from sim.terrain import Terrain
 
-LEGS = ("left", "right")
-PARTS = ("femur", "tibia")
 DETECTED_LINKS = ("torso", "left_femur", "right_femur")
 """Links sensed to touch the ground; a femur reaches to the knee, so it answers for the tibia's upper end."""
 
@@ -44,6 +43,7 @@ class MujocoPlant:
         torque_limits: Actuator limits in [N.m], (4,), ordered as `JOINTS`; infinite without saturation.
         mjcf_text: The model as compiled, modelling errors applied, as MJCF.
         sources: Files the plant was read from.
+        legs: Lengths of the legs.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class MujocoPlant:
         """
         mujoco.set_mju_user_warning(_quiet)
         self._period = control_period  # [s]
-        self._substeps = _whole_substeps(control_period, settings.timestep)
+        self._substeps = whole_substeps(control_period, settings.timestep)
         self.sources = (Path(model_path),)
         self._terrain = Terrain(settings.ground, seed=seed, length=walk_length)
         spec = build_spec(settings, Path(model_path), self._terrain)
@@ -102,9 +102,7 @@ class MujocoPlant:
         self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
         limits: Vector = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
         self.torque_limits = limits[self._u_index]
-        self._lengths = tuple(  # [m] of femur and tibia, left, then right
-            (float(model.body(f"{leg}_tibia").pos[2]), float(model.geom(f"{leg}_foot").pos[2])) for leg in LEGS
-        )
+        self.legs = LegGeometry.of(model)
         self._radius = float(model.geom("left_foot").size[0])  # [m]
         self._state_size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self._begin()
@@ -118,21 +116,6 @@ class MujocoPlant:
     def data(self) -> mujoco.MjData:
         """MuJoCo's live data, for viewers and tests; only `hold` and `reset` may change it."""
         return self._data
-
-    @property
-    def link_lengths(self) -> dict[str, float]:
-        """Length of each limb in [m], "left_femur" and so on."""
-        pairs = zip(LEGS, self._lengths, strict=True)
-        return {f"{leg}_{part}": length for leg, both in pairs for part, length in zip(PARTS, both, strict=True)}
-
-    def outline(self, start: float, end: float) -> tuple[tuple[float, float], ...]:
-        """The ground as a line through (x, z) in [m] from `start` to `end`; where it jumps, two points share x."""
-        points = []
-        for facet in self._terrain.facets:
-            x0, x1 = max(start, facet.x0), min(end, facet.x1)
-            if x0 < x1:
-                points += [(x0, facet.height(x0)), (x1, facet.height(x1))]
-        return tuple(points)
 
     def integration_state(self) -> Vector:
         """All that the next step depends on (mjSTATE_INTEGRATION), a copy in SI units, (model's size,)."""
@@ -262,7 +245,7 @@ class MujocoPlant:
         _, *legs = self._absolute_angles(q)
         return tuple(
             (-femur * math.sin(a) - tibia * math.sin(b), femur * math.cos(a) + tibia * math.cos(b))
-            for (a, b), (femur, tibia) in zip((legs[:2], legs[2:]), self._lengths, strict=True)
+            for (a, b), (femur, tibia) in zip((legs[:2], legs[2:]), self.legs.lengths, strict=True)
         )
 
     def _feet_velocity(self, q: Sequence[float], dq: Sequence[float]) -> tuple[tuple[float, float], ...]:
@@ -275,7 +258,7 @@ class MujocoPlant:
                 -femur * da * math.sin(a) - tibia * db * math.sin(b),
             )
             for (a, b), (da, db), (femur, tibia) in zip(
-                (legs[:2], legs[2:]), (rates[:2], rates[2:]), self._lengths, strict=True
+                (legs[:2], legs[2:]), (rates[:2], rates[2:]), self.legs.lengths, strict=True
             )
         )
 
@@ -303,7 +286,7 @@ class MujocoPlant:
         return f"the plant diverged in the hold up to t = {self._ticks * self._period:.3f} s: {detail}"
 
 
-def _whole_substeps(control_period: float, timestep: float) -> int:
+def whole_substeps(control_period: float, timestep: float) -> int:
     """Number of physics steps in a hold; both in [s]."""
     if not (math.isfinite(timestep) and timestep > 0):
         raise UserError(f"plant.timestep = {timestep} s: must be positive")

@@ -29,7 +29,7 @@ VARIED = [
     ("payload-x2", {}),
     ("undisturbed", {"plant.mass_factor.torso": 1.5, "plant.damping_factor.left_knee": 2.0}),
     ("undisturbed", {"sensors.angle_noise": 1e-3, "sensors.rate_noise": 0.01, "seed": 11}),
-    ("undisturbed", {"start.torso_offset": 0.5}),
+    ("undisturbed", {"plant.kind": "rigid", "steps": 1}),
     ("undisturbed", {"plant.integrator": "RK4", "plant.timestep": 5e-4}),
     ("undisturbed", {"controller.friction_rows": False, "plant.torque_limit_factor.left_hip": 0.5}),
     ("undisturbed", {"controller.horizon": 100, "seed": 7, "time_limit": 0.3}),
