@@ -1,13 +1,12 @@
 """Fig. 5: deviation from the gait under 25 N throughout the second step, and what remains undisturbed."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sim.reproduce.measure import OUTCOMES
-from sim.reproduce.panels import JOINT_STYLES, LinePanel, Series, Span, thinned
+from sim.reproduce.panels import JOINT_STYLES, LinePanel, Series, Span, same_scale, thinned
 from sim.reproduce.study import (
     CONTROLLER_NAMES,
     CONTROLLERS,
@@ -90,7 +89,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         text = f"{values[0]:.1e} against {values[1]:.1e} rad: {ratio:.3f}"
         return Finding(text=text, holds=bool(ratio < VANISHED))
 
-    panels, tables = [], {}
+    panels: list[tuple[LinePanel, ...]] = []
+    tables = {}
     for plant in PLANTS:
         row = []
         for controller in CONTROLLERS:
@@ -114,7 +114,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 remaining,
             ),
         ),
-        panels=_same_scale(panels),
+        panels=tuple(same_scale(row, most=0.5) for row in panels),
         tables=tables,
         notes=(
             "Where a walker falls, only the steps both complete are compared.",
@@ -139,14 +139,3 @@ def _panel(run: Arrays, title: str) -> LinePanel:
         series=tuple(lines),
         spans=(Span(x0=float(ends[0]), x1=float(ends[-1]), name=f"{FORCE:g} N"),) if len(ends) else (),
     )
-
-
-def _same_scale(rows: list[tuple[LinePanel, ...]]) -> tuple[tuple[LinePanel, ...], ...]:
-    """One y range a row, so that the controllers compare by eye."""
-    scaled = []
-    for row in rows:
-        values = np.concatenate([s.y for panel in row for s in panel.series])
-        # A fall goes through the roof; the deviations before it are what is compared.
-        bound = 1.08 * float(min(np.abs(values).max(), 0.5))
-        scaled.append(tuple(replace(panel, y_range=(-bound, bound)) for panel in row))
-    return tuple(scaled)

@@ -10,7 +10,7 @@ from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series
 from sim.reproduce.study import PLANT_NAMES, PLANTS, Effort, Evaluation, Finding, Results, Task, Verdict
 
 HORIZONS = (10, 20, 50, 100, 200, 500, 1000, 2000)
-QUICK = (20, 100, 200)
+QUICK = (20, 100, 300)
 CHOSEN = 100
 STEPS = 6
 STRIDE, RESOLUTION, LARGEST = 8.0, 1.0, 200.0  # [N]
@@ -27,7 +27,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     found = {}
     for plant in PLANTS:
         for N in _horizons(effort):
-            base = {"controller.horizon": N, "steps": STEPS}
+            base = {"controller.horizon": N, "steps": 4 if effort.quick else STEPS}
             push = {"pushes.0.force": FORCE, "pushes.0.step": PUSHED}
             each = STEPS * (1.0 + 0.02 * N)
             found[f"{plant}/{N}/walk"] = Task(
@@ -41,8 +41,8 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                     "scenario": effort.scenario(plant, "c-mpc", {**base, "pushes.0.force": 0.0, "pushes.0.step": 1}),
                     "path": "pushes.0.force",
                     "sign": 1.0,
-                    "stride": STRIDE,
-                    "resolution": RESOLUTION if not effort.quick else STRIDE,
+                    "stride": 2 * STRIDE if effort.quick else STRIDE,
+                    "resolution": 2 * STRIDE if effort.quick else RESOLUTION,
                     "limit": LARGEST,
                 },
                 cost=8.0 * each,

@@ -4,7 +4,6 @@ import hashlib
 import importlib
 import json
 import os
-import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from multiprocessing import get_context
@@ -129,7 +128,12 @@ def run(
     if not missing:
         return
     _one_thread_each()
-    pool = ProcessPoolExecutor(min(workers, len(missing)), mp_context=get_context("spawn"), initializer=_deaf)
+    pool = ProcessPoolExecutor(
+        min(workers, len(missing)),
+        mp_context=get_context("spawn"),
+        initializer=_prepare,
+        initargs=(store.folder / "workers.log",),
+    )
     try:
         running: dict[Future[dict[str, NDArray[Any]]], str] = {pool.submit(work, tasks[name]): name for name in missing}
         while running:
@@ -168,26 +172,11 @@ def _one_thread_each() -> None:
         os.environ.setdefault(variable, "1")
 
 
-def _deaf() -> None:
-    """Leave Ctrl-C to the parent, which ends its workers."""
+def _prepare(log: Path) -> None:
+    """Leave Ctrl-C to the parent, which ends its workers, and take what solvers print to a file."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-class TimeLeft:
-    """Guesses the time left from the cost done since the start."""
-
-    def __init__(self) -> None:
-        """Start the clock at the first call."""
-        self._first: tuple[float, float] | None = None
-
-    def __call__(self, done: float, total: float) -> float | None:
-        """Seconds left, None while there is nothing to guess from."""
-        now = time.monotonic()
-        if self._first is None:
-            self._first = (now, done)
-        began, before = self._first
-        if done <= before:
-            return None
-        return (now - began) / (done - before) * (total - done)
+    with log.open("ab") as file:
+        for descriptor in (1, 2):
+            os.dup2(file.fileno(), descriptor)
