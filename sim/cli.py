@@ -13,6 +13,10 @@ from sim.errors import UserError
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
+    "log": "Look at logs: info, check, recover, export, compare.",
+    "replay": "Run a log again from itself, as it was or with a change.",
+    "review": "Make one page from a log, or from two.",
+    "video": "Make a film or a picture from a log.",
     "reproduce": "The paper's figures and tables again, with a verdict for each claim.",
     "poincare": "Fixed point and eigenvalues of the step-to-step map.",
     "basin": "Basin of attraction of both controllers over torso offset and first-step force.",

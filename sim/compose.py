@@ -23,7 +23,9 @@ from sim.actuation import Actuation
 from sim.errors import UserError
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
+from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
+from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
@@ -32,7 +34,8 @@ from sim.rigid import RigidPlant
 from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
 from sim.sensors import Sensors
-from sim.walkers import WalkerFolder
+from sim.terrain import Terrain
+from sim.viewer import check_display, viewer
 
 __all__ = [
     "Belief",
@@ -79,16 +82,20 @@ def _as_user_errors() -> Iterator[None]:
         raise UserError(str(error)) from error
 
 
-def load_belief(scenario: Scenario) -> Belief:
+def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     """The controller's model and gait.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a file is missing, unreadable or not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
+    files = files or ModelFiles.of(scenario)
     with _as_user_errors():
-        model = WalkerModel(folder.urdf)
-        return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
+        model = WalkerModel(files.urdf)
+        return Belief(model=model, gait=load_gait(files.gait, model))
 
 
 @functools.lru_cache(maxsize=4)
@@ -125,17 +132,21 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         )
 
 
-def build_plant(scenario: Scenario) -> MujocoPlant | RigidPlant:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:
     """The plant a scenario asks for, not yet reset.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a model file or a setting is not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
+    files = files or ModelFiles.of(scenario)
     plant = RigidPlant if scenario.plant.kind == "rigid" else MujocoPlant
     return plant(
         scenario.plant,
-        folder.mjcf,
+        files.mjcf,
         scenario.controller.period,
         seed=scenario.seed,
         walk_length=RUN_UP + LONGEST_STEP * scenario.steps,
@@ -206,6 +217,8 @@ def run_scenario(
     log: Path | None = None,
     progress: Progress | None = None,
     stop: Stop | None = None,
+    files: ModelFiles | None = None,
+    view: bool = False,
     announce: Announce | None = None,
     solver: Solver | None = None,
     tape: Tape | None = None,
@@ -218,17 +231,22 @@ def run_scenario(
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+        files: Model files to use instead of those the scenario names, such as those of a log.
+        view: Whether to show it in MuJoCo's window, no faster than real time.
         announce: Told a line for the user before something long.
         solver: Used instead of the one the scenario names.
         tape: Takes ticks and events where no log is written.
         belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
-        UserError: a file or a setting is not legal, or the log can not be written.
+        UserError: a file or a setting is not legal, the log can not be written, or there is no display.
     """
-    belief = belief or load_belief(scenario)
+    if view:
+        check_display()
+    files = files or ModelFiles.of(scenario)
+    belief = belief or load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief, solver=solver)
-    plant = build_plant(scenario)
+    plant = build_plant(scenario, files)
     q, dq = start_state(scenario, belief)
     walker = instrument(plant, scenario)
     walker.reset(q, dq, FIRST_STANCE)
@@ -237,34 +255,37 @@ def run_scenario(
     controller.reset(FIRST_STANCE)
 
     def loop(tape: Tape) -> RunSummary:
-        return Loop(
-            plant=walker,
-            controller=controller,
-            pushes=scenario.pushes,
-            com=plant.com,
-            stance=FIRST_STANCE,
-            steps=scenario.steps,
-            end_time=scenario.end_time,
-            tape=tape,
-            torque_limits=plant.torque_limits,
-            period=scenario.controller.period,
-        ).run(progress=progress, stop=stop, log=str(log) if log else "")
+        with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
+            return Loop(
+                plant=walker,
+                controller=controller,
+                pushes=scenario.pushes,
+                com=plant.com,
+                stance=FIRST_STANCE,
+                steps=scenario.steps,
+                end_time=scenario.end_time,
+                tape=tape,
+                torque_limits=plant.torque_limits,
+                period=scenario.controller.period,
+            ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
         return loop(tape or NoTape())
-    with Recorder(log, _header(scenario, belief, plant), scenario.controller.period) as recorder:
+    with Recorder(log, _header(scenario, belief, plant, files), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant, files: ModelFiles) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
-    folder = WalkerFolder.find(scenario.walker)
-    gait = folder.gait(scenario.gait)
-    model = belief.model
-    parts = {"femur": model.femur, "tibia": model.tibia}
-    legs = {f"{side}_{part}": link.length for side in ("left", "right") for part, link in parts.items()}
+    lengths = {
+        f"{leg}_{part}": length
+        for leg, both in zip(LEGS, plant.legs.lengths, strict=True)
+        for part, length in zip(("femur", "tibia"), both, strict=True)
+    }
+    walk_length = RUN_UP + LONGEST_STEP * scenario.steps
+    terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=walk_length)
     git = provenance.git_state()
     return RunHeader(
         scenario_name=scenario.name,
@@ -275,10 +296,11 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant)
         git_dirty=git.dirty,
         platform=provenance.platform_name(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
-        link_lengths={"torso": 2.0 * model.torso.com, **legs},
+        link_lengths={"torso": 2.0 * belief.model.torso.com, **lengths},
+        ground=terrain.outline(-RUN_UP, walk_length + RUN_UP),
         attachments={
-            folder.mjcf.name: ("application/xml", folder.mjcf.read_bytes()),
-            folder.urdf.name: ("application/xml", folder.urdf.read_bytes()),
-            gait.name: ("application/toml", gait.read_bytes()),
+            files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
+            files.urdf.name: ("application/xml", files.urdf.read_bytes()),
+            files.gait.name: ("application/toml", files.gait.read_bytes()),
         },
     )

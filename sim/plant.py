@@ -193,6 +193,7 @@ class MujocoPlant:
             penetrating=tuple(
                 name for name, i in zip(DETECTED_LINKS, self._link_address, strict=True) if sensors[i] > 0
             ),
+            applied=self._applied,
         )
 
     def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
@@ -227,6 +228,7 @@ class MujocoPlant:
         self._force_total = np.zeros(4)  # [N] left x, z, right x, z: sum over the substeps
         self._push = (0.0, 0.0)  # [N]
         self._pushed = False
+        self._applied: tuple[AppliedForce, ...] = ()
 
     def _contact(self) -> tuple[bool, bool]:
         left, right = self._feet_address
@@ -275,7 +277,7 @@ class MujocoPlant:
             fx, fz = applied.force
             self._xfrc[self._body_id[applied.body]] += (fx, 0.0, fz, 0.0, arm_z * fx - arm_x * fz, 0.0)
             push_x, push_z = push_x + fx, push_z + fz
-        self._push, self._pushed = (push_x, push_z), bool(forces)
+        self._push, self._pushed, self._applied = (push_x, push_z), bool(forces), tuple(forces)
 
     def _diagnosis(self) -> str:
         number, info = self._warnings.tolist(), self._data.warning.lastinfo.tolist()

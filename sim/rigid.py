@@ -138,6 +138,16 @@ class RigidPlant:
         self._forces: tuple[AppliedForce, ...] = ()
         self.impact: Impact | None = None
 
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model, for viewers."""
+        return self._model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's data, for viewers."""
+        return self._data
+
     def reset(self, q: Vector, dq: Vector, stance: str) -> None:
         """Put the walker on its stance foot.
 
@@ -194,6 +204,7 @@ class RigidPlant:
             contact_force=np.array(contact_force),
             push=self._push.copy(),
             penetrating=self._penetrating(hip.tolist()),
+            applied=self._forces,
         )
 
     def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:

@@ -44,9 +44,9 @@ def main(argv: Sequence[str]) -> int:
     if found.no_log:
         log = None
     else:
-        log = Path(found.log) if found.log is not None else _default_log(scenario)
-        _check_new_log(log)
-    return _run(scenario, log, json=found.json, quiet=found.quiet)
+        log = Path(found.log) if found.log is not None else default_log(scenario)
+        check_new_log(log)
+    return _run(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
 
 
 def _scenario(found: Namespace) -> Scenario:
@@ -76,6 +76,7 @@ def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
     where.add_argument("--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>.mcap)")
     where.add_argument("--no-log", action="store_true", help="write no log")
     own.add_argument("--from-trial", metavar="DIR#ID", help="run a trial of cmpc trials again, to the same end")
+    own.add_argument("--viewer", action="store_true", help="show the run in MuJoCo's window, no faster than real time")
     own.add_argument("--json", action="store_true", help="print the summary as one JSON object, and no bar")
     own.add_argument("--quiet", action="store_true", help="show no progress bar")
     flags.add_settings(parser, scenario, argv)
@@ -87,7 +88,7 @@ def _print_list() -> None:
         print(f"{name:<16}{description}{' (default)' if name == DEFAULT else ''}")
 
 
-def _default_log(scenario: Scenario) -> Path:
+def default_log(scenario: Scenario) -> Path:
     """A new name in logs/, which is made when missing."""
     try:
         LOGS.mkdir(exist_ok=True)
@@ -102,7 +103,7 @@ def _default_log(scenario: Scenario) -> Path:
     return path
 
 
-def _check_new_log(path: Path) -> None:
+def check_new_log(path: Path) -> None:
     """See before the run that its log can be written and overwrites nothing."""
     try:
         if path.exists():
@@ -115,24 +116,26 @@ def _check_new_log(path: Path) -> None:
         raise UserError(f"--log {path}: cannot be written: {error.strerror}") from error
 
 
-def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool) -> int:
+def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
     from sim.compose import run_scenario
     from sim.interrupt import stop_on_signal
     from sim.progress import progress_bar
 
     with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
-        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=_announce)
-    _print_summary(summary, scenario, json=json)
+        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=announce, view=view)
+    print_summary(summary, scenario, json=json)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
 
 
-def _announce(line: str) -> None:
+def announce(line: str) -> None:
+    """Print a line for the user before something long."""
     print(line, file=sys.stderr, flush=True)
 
 
-def _print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
+def print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
+    """Print a summary as a table, or as one JSON object."""
     from sim.summary import as_json, as_table
 
     if json:

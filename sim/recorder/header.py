@@ -1,8 +1,9 @@
 """What a log says about its run before the first tick."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 
 from sim.recorder.fields import LINKS
 
@@ -24,6 +25,7 @@ class RunHeader:
         platform: Operating system, machine and Python.
         started: Wall time of the start, ISO 8601.
         link_lengths: Length of each link in [m], keyed as `LINKS`.
+        ground: Line of the ground through (x, z) in [m], x growing; where it jumps, two points share x.
         attachments: File name -> (media type, content), such as the MJCF, the URDF and the gait.
     """
 
@@ -36,6 +38,7 @@ class RunHeader:
     platform: str
     started: str
     link_lengths: Mapping[str, float]
+    ground: Sequence[tuple[float, float]] = ((-10.0, 0.0), (100.0, 0.0))
     attachments: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -66,6 +69,11 @@ class RunHeader:
             "platform": self.platform,
             "started": self.started,
             "link_lengths": json.dumps(dict(self.link_lengths), sort_keys=True),
+            "ground": json.dumps(self.ground),
+            "sha256": json.dumps(
+                {name: sha256(data).hexdigest() for name, (_, data) in self.all_attachments().items()},
+                sort_keys=True,
+            ),
         }
 
     def all_attachments(self) -> dict[str, tuple[str, bytes]]:
