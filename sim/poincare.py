@@ -23,6 +23,7 @@ STEP_SIZES = (3e-2, 2e-2, 1e-2, 5e-3, 3e-3, 1e-3, 3e-4, 1e-4)
 PROBE = 1e-4  # [rad] perturbation at which the roughness of the map is measured
 PROBES = 10
 SETTLED = 1e-6  # [rad] change of a step at which Newton takes over
+PATIENCE = 8  # steps without a smaller residual after which walking brings nothing more
 ACCEPTED = 1e-4
 """[rad] Residual of a fixed point that serves: a map that jumps has none to more digits, and eigenvalues taken with
 perturbations of 1e-2 rad do not notice."""
@@ -126,16 +127,17 @@ def find_fixed_point(
         h: Perturbation of Newton's Jacobian in [rad].
     """
     x = surface.project(start)
-    walked, steps, message = 0, 0, ""
+    walked, since, steps, message = 0, 0, 0, ""
     best, least = x, np.inf
     try:
-        for walked in range(1, settling + 1):  # noqa: B007
+        for walked in range(1, settling + 1):
             following = P(x)
             residual = distance(following, x)
             if residual < least:
                 best, least = x, residual
+                since = walked
             x = surface.project(following)
-            if residual < SETTLED:
+            if residual < SETTLED or walked - since >= PATIENCE:
                 break
     except Fell as fall:
         message = f"falls in step {walked}: {fall}"

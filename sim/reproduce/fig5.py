@@ -69,7 +69,9 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     def smaller(statistic: str) -> Verdict:
         def judge(plant: str) -> Finding:
             runs = [results[f"{plant}/{controller}/pushed"] for controller in ("c-mpc", "zd-pd")]
-            last = max(PUSHED, min(int(run["steps"]) for run in runs))  # what follows is falling
+            last = min(int(run["steps"]) for run in runs)  # what follows is falling
+            if last < PUSHED:
+                return Finding(text=f"one falls in step {last + 1}, before the push is over", holds=False)
             values = []
             for run in runs:
                 y = run["y"][between(run, PUSHED, last)]
@@ -85,6 +87,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         for controller in ("c-mpc", "zd-pd"):
             run = results[f"{plant}/{controller}/steady"]
             values.append(rms(run["y"][between(run, STEADY_FROM + 1, STEADY_STEPS)]))
+        if not np.isfinite(values).all():
+            return Finding(text="falls undisturbed", holds=False)
         ratio = values[0] / values[1]
         text = f"{values[0]:.1e} against {values[1]:.1e} rad: {ratio:.3f}"
         return Finding(text=text, holds=bool(ratio < VANISHED))

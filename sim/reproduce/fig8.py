@@ -170,8 +170,8 @@ def _regions(zd: np.ndarray, mpc: np.ndarray, grid: Grid) -> tuple[Region, Regio
     """Both basins, named with their areas."""
     areas = [float(inside.sum()) * grid.cell for inside in (zd, mpc)]
     return (
-        Region(name=f"ZD+PD, {areas[0]:.1f} rad N", inside=zd, colour=ORANGE, dash="dashed"),
         Region(name=f"C-MPC, {areas[1]:.1f} rad N", inside=mpc, colour=BLUE, dash="solid"),
+        Region(name=f"ZD+PD, {areas[0]:.1f} rad N", inside=zd, colour=ORANGE, dash="dashed"),
     )
 
 

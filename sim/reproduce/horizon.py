@@ -13,7 +13,7 @@ HORIZONS = (10, 20, 50, 100, 200, 500, 1000, 2000)
 QUICK = (20, 100, 300)
 CHOSEN = 100
 STEPS = 6
-STRIDE, RESOLUTION, LARGEST = 8.0, 1.0, 200.0  # [N]
+STRIDE, RESOLUTION, LARGEST = 16.0, 2.0, 200.0  # [N]
 FORCE_TOLERANCE = 0.1  # "no drastic change": survived force within 10 %
 RMS_TOLERANCE = 0.5  # and RMS deviation within 50 % of that at the longest horizon
 
@@ -41,8 +41,8 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                     "scenario": effort.scenario(plant, "c-mpc", {**base, "pushes.0.force": 0.0, "pushes.0.step": 1}),
                     "path": "pushes.0.force",
                     "sign": 1.0,
-                    "stride": 2 * STRIDE if effort.quick else STRIDE,
-                    "resolution": 2 * STRIDE if effort.quick else RESOLUTION,
+                    "stride": STRIDE,
+                    "resolution": STRIDE if effort.quick else RESOLUTION,
                     "limit": LARGEST,
                 },
                 cost=8.0 * each,
