@@ -1,0 +1,220 @@
+"""Compiled arithmetic of `orbit.py` and `poincare.py`: a gait on its zero dynamics, and one step of the full model."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from controller import kernels
+from controller.kernels import N_Q, N_U, Array, Gains, GaitTable, Stage, Walker
+
+compiled = njit(cache=True, error_model="numpy")
+
+
+class Nodes(NamedTuple):
+    """A walker along a gait at K values of the normalised clock s, columns as `orbit.Orbit` describes them."""
+
+    q: Array  # (K, 5)
+    slope: Array  # dq/dtheta, (K, 5)
+    inertia: Array  # I(theta) of sigma = I dtheta/dt, (K,)
+    gravity: Array  # moment of gravity about the stance foot, G_5, (K,)
+    dtheta: Array  # (K,)
+    dq: Array  # (K, 5)
+    u: Array  # (K, 4)
+    force: Array  # (K, 2)
+    foot: Array  # swing foot x, z, dz/dt, (K, 3)
+
+
+@compiled
+def shape(walker: Walker, gait: GaitTable, s: Array, stage: Stage, out: Nodes) -> None:
+    """What needs no velocity: posture, dq/dtheta, I and G_5 of the zero dynamics."""
+    c = gait.clock
+    rest = np.zeros(N_Q)
+    for k in range(s.shape[0]):
+        theta = gait.theta_start + s[k] * gait.theta_span
+        value = theta
+        slope = 1.0
+        for i in range(N_U):
+            degree = gait.poly.shape[1] - 1
+            h, h1 = gait.poly[i, degree], 0.0
+            for j in range(degree - 1, -1, -1):
+                h1 = h1 * s[k] + h
+                h = h * s[k] + gait.poly[i, j]
+            out.q[k, i] = h
+            out.slope[k, i] = h1 / gait.theta_span
+            value -= c[i] * h
+            slope -= c[i] * out.slope[k, i]
+        out.q[k, N_U] = value / c[N_U]
+        out.slope[k, N_U] = slope / c[N_U]
+        kernels.place(out.q[k], rest, stage)
+        kernels.link_inertia(walker, stage)
+        kernels.to_links(out.slope[k], stage.ddphi)
+        inertia = 0.0
+        gravity = 0.0
+        for i in range(N_Q):
+            gravity += stage.bias[i]
+            for j in range(N_Q):
+                inertia += (stage.D[i, j] if j <= i else stage.D[j, i]) * stage.ddphi[j]
+        out.inertia[k] = inertia
+        out.gravity[k] = gravity
+
+
+@compiled
+def motion(walker: Walker, gait: GaitTable, dtheta: Array, stage: Stage, out: Nodes) -> None:
+    """What the clock's rate adds: dq, torque and stance force on the zero dynamics, swing foot."""
+    gains = Gains(np.zeros(N_U), np.zeros(N_U))  # the outputs are zero, so no gain matters
+    for k in range(dtheta.shape[0]):
+        out.dtheta[k] = dtheta[k]
+        for i in range(N_Q):
+            out.dq[k, i] = out.slope[k, i] * dtheta[k]
+        kernels.place(out.q[k], out.dq[k], stage)
+        kernels.closed_loop(walker, gait, gains, out.q[k], out.dq[k], stage)
+        kernels.stance_force(walker, stage, out.force[k])
+        for i in range(N_U):
+            out.u[k, i] = stage.u[i]
+        x, z, dz = kernels.swing_foot(walker, stage)
+        out.foot[k, 0] = x
+        out.foot[k, 1] = z
+        out.foot[k, 2] = dz
+
+
+@compiled
+def momentum(walker: Walker, stage: Stage, out: Array) -> None:
+    """Linear momentum (x, z) of the pinned walker in [kg m/s], after `place`."""
+    out[0] = 0.0
+    out[1] = 0.0
+    for i in range(N_Q):
+        out[0] -= walker.b[i] * stage.cos[i] * stage.dphi[i]
+        out[1] -= walker.b[i] * stage.sin[i] * stage.dphi[i]
+
+
+@compiled
+def strike(walker: Walker, q: Array, dq: Array, stage: Stage) -> tuple[Array, Array, Array, float]:
+    """Rigid impact of a state: q+, dq+, impulse on the landing foot in [N.s], (2,), and lift-off rate in [m/s]."""
+    q_plus, dq_plus = q.copy(), dq.copy()
+    before, impulse = np.empty(2), np.empty(2)
+    kernels.place(q_plus, dq_plus, stage)
+    momentum(walker, stage, before)
+    kernels.impact(walker, q_plus, dq_plus, stage)
+    momentum(walker, stage, impulse)
+    impulse -= before
+    _, _, lift = kernels.swing_foot(walker, stage)
+    return q_plus, dq_plus, impulse, lift
+
+
+@compiled
+def _rate(
+    walker: Walker, gait: GaitTable, gains: Gains, x: Array, u: Array, held: bool, stage: Stage, dx: Array
+) -> None:
+    """dx/dt of the full model, under the torque of now (held = False) or a held one."""
+    q, dq = x[:N_Q], x[N_Q:]
+    kernels.place(q, dq, stage)
+    if held:
+        kernels.accelerate(walker, dq, u, stage)
+    else:
+        kernels.closed_loop(walker, gait, gains, q, dq, stage)
+    for i in range(N_Q):
+        dx[i] = dq[i]
+        dx[N_Q + i] = stage.ddq[i]
+
+
+@compiled
+def _advance(
+    walker: Walker,
+    gait: GaitTable,
+    gains: Gains,
+    x: Array,
+    u: Array,
+    held: bool,
+    h: float,
+    stage: Stage,
+    k: Array,
+    out: Array,
+) -> None:
+    """One step of the classical Runge-Kutta method of fourth order from x over h [s] into out."""
+    _rate(walker, gait, gains, x, u, held, stage, k[0])
+    _rate(walker, gait, gains, x + 0.5 * h * k[0], u, held, stage, k[1])
+    _rate(walker, gait, gains, x + 0.5 * h * k[1], u, held, stage, k[2])
+    _rate(walker, gait, gains, x + h * k[2], u, held, stage, k[3])
+    for i in range(2 * N_Q):
+        out[i] = x[i] + h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
+
+
+@compiled
+def full_step(
+    walker: Walker,
+    gait: GaitTable,
+    gains: Gains,
+    limits: Array,
+    x_minus: Array,
+    h: float,
+    substeps: int,
+    time_limit: float,
+) -> tuple[Array, float, Array, float]:
+    """One step of the full closed loop: impact, then stance until the swing foot meets the ground ahead.
+
+    Args:
+        walker: Constants.
+        gait: Outputs.
+        gains: ZD+PD gains.
+        limits: Where the torque saturates in [N.m], (4,), stance order.
+        x_minus: State before the impact, (10,).
+        h: Integration step in [s].
+        substeps: Integration steps for which a torque is held, counted from the impact; 0 for a law in
+            continuous time, which does not saturate.
+        time_limit: Give up after it, in [s].
+
+    Returns:
+        State before the next impact (NaN if there was none), step time in [s], largest torque asked for in [N.m],
+        (4,), largest |F_T / F_N|.
+    """
+    stage = kernels.new_stage()
+    q, dq, _, _ = strike(walker, x_minus[:N_Q], x_minus[N_Q:], stage)
+    x, nxt, k = np.empty(2 * N_Q), np.empty(2 * N_Q), np.empty((4, 2 * N_Q))
+    x[:N_Q] = q
+    x[N_Q:] = dq
+    u, peak, force = np.zeros(N_U), np.zeros(N_U), np.empty(2)
+    held = substeps > 0
+    ratio = 0.0
+    time = 0.0
+    n = 0
+    while time < time_limit:
+        if not held or n % substeps == 0:
+            kernels.place(x[:N_Q], x[N_Q:], stage)
+            kernels.closed_loop(walker, gait, gains, x[:N_Q], x[N_Q:], stage)
+            kernels.stance_force(walker, stage, force)
+            ratio = max(ratio, abs(force[0]) / max(force[1], 1e-9))
+            for i in range(N_U):
+                peak[i] = max(peak[i], abs(stage.u[i]))
+                u[i] = min(max(stage.u[i], -limits[i]), limits[i])
+        _advance(walker, gait, gains, x, u, held, h, stage, k, nxt)
+        kernels.place(nxt[:N_Q], nxt[N_Q:], stage)
+        ahead, height, rate = kernels.swing_foot(walker, stage)
+        if not np.isfinite(height):
+            break
+        if ahead > 0.0 and height <= 0.0 and rate < 0.0:
+            # Where within this step the foot meets the ground: safeguarded secant on the length of the step.
+            low, high = 0.0, h
+            kernels.place(x[:N_Q], x[N_Q:], stage)
+            _, z_low, _ = kernels.swing_foot(walker, stage)
+            z_high = height
+            for trial in range(60):
+                part = low - z_low * (high - low) / (z_high - z_low) if trial % 3 != 2 else 0.5 * (low + high)
+                if not low < part < high:
+                    part = 0.5 * (low + high)
+                _advance(walker, gait, gains, x, u, held, part, stage, k, nxt)
+                kernels.place(nxt[:N_Q], nxt[N_Q:], stage)
+                _, z, _ = kernels.swing_foot(walker, stage)
+                if abs(z) < 1e-14 or high - low < 1e-16:
+                    break
+                if z > 0.0:
+                    low, z_low = part, z
+                else:
+                    high, z_high = part, z
+            return nxt, time + part, peak, ratio
+        for i in range(2 * N_Q):
+            x[i] = nxt[i]
+        time += h
+        n += 1
+    nxt[:] = np.nan
+    return nxt, time, peak, ratio
