@@ -26,26 +26,32 @@ class Nodes(NamedTuple):
 
 
 @compiled
+def on_the_gait(gait: GaitTable, theta: float, q: Array, slope: Array) -> None:
+    """Posture and dq/dtheta where the outputs are zero and the clock shows theta."""
+    c = gait.clock
+    s = (theta - gait.theta_start) / gait.theta_span
+    degree = gait.poly.shape[1] - 1
+    value = theta
+    rate = 1.0
+    for i in range(N_U):
+        h, h1 = gait.poly[i, degree], 0.0
+        for j in range(degree - 1, -1, -1):
+            h1 = h1 * s + h
+            h = h * s + gait.poly[i, j]
+        q[i] = h
+        slope[i] = h1 / gait.theta_span
+        value -= c[i] * h
+        rate -= c[i] * slope[i]
+    q[N_U] = value / c[N_U]
+    slope[N_U] = rate / c[N_U]
+
+
+@compiled
 def shape(walker: Walker, gait: GaitTable, s: Array, stage: Stage, out: Nodes) -> None:
     """What needs no velocity: posture, dq/dtheta, I and G_5 of the zero dynamics."""
-    c = gait.clock
     rest = np.zeros(N_Q)
     for k in range(s.shape[0]):
-        theta = gait.theta_start + s[k] * gait.theta_span
-        value = theta
-        slope = 1.0
-        for i in range(N_U):
-            degree = gait.poly.shape[1] - 1
-            h, h1 = gait.poly[i, degree], 0.0
-            for j in range(degree - 1, -1, -1):
-                h1 = h1 * s[k] + h
-                h = h * s[k] + gait.poly[i, j]
-            out.q[k, i] = h
-            out.slope[k, i] = h1 / gait.theta_span
-            value -= c[i] * h
-            slope -= c[i] * out.slope[k, i]
-        out.q[k, N_U] = value / c[N_U]
-        out.slope[k, N_U] = slope / c[N_U]
+        on_the_gait(gait, gait.theta_start + s[k] * gait.theta_span, out.q[k], out.slope[k])
         kernels.place(out.q[k], rest, stage)
         kernels.link_inertia(walker, stage)
         kernels.to_links(out.slope[k], stage.ddphi)
@@ -100,6 +106,55 @@ def strike(walker: Walker, q: Array, dq: Array, stage: Stage) -> tuple[Array, Ar
     impulse -= before
     _, _, lift = kernels.swing_foot(walker, stage)
     return q_plus, dq_plus, impulse, lift
+
+
+@compiled
+def errors_after(walker: Walker, gait: GaitTable, dtheta: float, error: Array, stage: Stage) -> Array:
+    """(y, dy) after an impact that happens with (y, dy) = error, both (8,), at a clock rate dtheta.
+
+    The clock at the impact is where the swing foot meets the ground with those errors.
+    """
+    q, slope, dq, after = np.empty(N_Q), np.empty(N_Q), np.empty(N_Q), np.empty(2 * N_U)
+    theta = gait.theta_start + gait.theta_span
+    c = gait.clock
+    for _ in range(8):
+        on_the_gait(gait, theta, q, slope)
+        for i in range(N_U):
+            q[i] += error[i]
+            q[N_U] -= c[i] * error[i] / c[N_U]
+        kernels.place(q, slope, stage)
+        _, height, per_theta = kernels.swing_foot(walker, stage)
+        theta -= height / per_theta
+        if abs(height) < 1e-14:
+            break
+    for i in range(N_Q):
+        dq[i] = slope[i] * dtheta
+    for i in range(N_U):
+        dq[i] += error[N_U + i]
+        dq[N_U] -= c[i] * error[N_U + i] / c[N_U]
+    q_plus, dq_plus, _, _ = strike(walker, q, dq, stage)
+    kernels.outputs(gait, q_plus, dq_plus, stage)
+    after[:N_U] = stage.y
+    after[N_U:] = stage.dy
+    return after
+
+
+@compiled
+def impact_of_errors(walker: Walker, gait: GaitTable, dtheta: float) -> Array:
+    """Central differences of `errors_after` about zero error, (8, 8)."""
+    stage = kernels.new_stage()
+    n = 2 * N_U
+    found = np.empty((n, n))
+    step = 1e-5
+    for j in range(n):
+        error = np.zeros(n)
+        error[j] = step
+        ahead = errors_after(walker, gait, dtheta, error, stage)
+        error[j] = -step
+        behind = errors_after(walker, gait, dtheta, error, stage)
+        for i in range(n):
+            found[i, j] = (ahead[i] - behind[i]) / (2.0 * step)
+    return found
 
 
 @compiled

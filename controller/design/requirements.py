@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.design.orbit import Orbit
+from controller.design.transverse import transverse_eigenvalues
 from controller.gait import Gait
+from controller.kernels import Gains
 from controller.model import WalkerModel
 from controller.records import NORMAL, STANCE_KNEE, SWING_KNEE, TANGENTIAL, TORSO, Vector
 
@@ -29,6 +31,9 @@ class Requirements:
         torso_max: Largest lean of the torso either way in [rad].
         touch_down: Slowest vertical rate of the swing foot before the impact, downward, in [m/s].
         eigenvalue_max: Largest delta^2.
+        transverse_max: Largest magnitude of the Poincare map's other eigenvalues, those of the output errors.
+        kp: Gains K_P in [1/s^2] that decide them, (4,); those of the paper.
+        kd: Gains K_D in [1/s], (4,).
         reserve: Smallest zeta along the step as a share of that before impact: how far from stopping.
     """
 
@@ -43,6 +48,9 @@ class Requirements:
     torso_max: float = 0.6
     touch_down: float = 0.1
     eigenvalue_max: float = 0.85
+    transverse_max: float = 0.5
+    kp: tuple[float, ...] = (60.0, 90.0, 90.0, 50.0)
+    kd: tuple[float, ...] = (10.0, 20.0, 20.0, 10.0)
     reserve: float = 0.1
 
 
@@ -118,6 +126,13 @@ def margins(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) ->
             legal=f"up to {need.eigenvalue_max:g}",
         ),
         Margin(
+            name="largest eigenvalue of the output errors from step to step",
+            unit="",
+            scale=0.5,
+            values=one(need.transverse_max - largest_transverse(model, gait, orbit, need)),
+            legal=f"up to {need.transverse_max:g} under K_P = {list(need.kp)}, K_D = {list(need.kd)}",
+        ),
+        Margin(
             name="torque",
             unit="N.m",
             scale=float(limit.max()),
@@ -181,3 +196,9 @@ def margins(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) ->
             legal="0 m/s or upward",
         ),
     )
+
+
+def largest_transverse(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) -> float:
+    """Largest magnitude of the eigenvalues of the output errors under the gains asked for."""
+    gains = Gains(kp=np.array(need.kp), kd=np.array(need.kd))
+    return float(np.abs(transverse_eigenvalues(model, gait, orbit, gains)).max())
