@@ -26,7 +26,7 @@ Cost = Literal["torque", "work"]
 COST_UNIT = {"torque": "N^2 m s", "work": "J/m"}
 Say = Callable[[str], None]
 
-HELD_BACK = 2e-3  # scaled margin the optimiser keeps in hand for what happens between its nodes
+HELD_BACK = (5e-3, 2e-2)  # scaled margins kept in hand for what happens between the nodes; the second if need be
 NODES = 31  # of the optimiser; the answer is judged on those of `orbit.NODES`
 SLACK = 1e-6  # scaled violation that counts as none
 DIFFERENCE = 1e-6  # [rad], [m]
@@ -66,12 +66,19 @@ class _Problem:
         need: What is asked.
         cost: Which cost.
         cost_scale: What counts as 1 of it.
+        held_back: Scaled margin kept in hand; some margins keep a share of it.
     """
 
     space: Parametrisation
     need: Requirements
     cost: Cost
     cost_scale: float
+    held_back: float
+
+    @property
+    def reserve(self) -> Vector:
+        """What each scaled margin must keep, (number of margins,)."""
+        return self.held_back * _reserve(self.space.model, self.need)
 
     def vector(self, p: Vector) -> Vector:
         """Scaled cost, relative error of the speed, scaled margins, square roots of the torque cost's summands.
@@ -82,8 +89,7 @@ class _Problem:
         try:
             gait = self.space.gait(p)
         except NoPosture:
-            sizes = _sizes(self.space.model, self.need)
-            return np.r_[FAR, FAR, np.full(sizes, -FAR), np.zeros(4 * NODES)]
+            return np.r_[FAR, FAR, np.full(self.reserve.shape, -FAR), np.zeros(4 * NODES)]
         orbit = periodic_orbit(model, gait, NODES)
         scaled = [m.values / m.scale for m in margins(model, gait, orbit, self.need)]
         cost = orbit.cost if self.cost == "torque" else orbit.work
@@ -110,13 +116,14 @@ ROOTS = slice(-4 * NODES, None)
 
 
 @lru_cache(maxsize=8)
-def _sizes(model: WalkerModel, need: Requirements) -> int:
-    """Number of margins; of any gait, here of one that stands with its legs side by side bent alike."""
+def _reserve(model: WalkerModel, need: Requirements) -> Vector:
+    """Share of the reserve that each margin keeps; the same for any gait, so one with straight legs will do."""
     space = Parametrisation(model=model, degree=4, step_length=min(need.step_length, 0.5 * model.leg_length))
     p = np.zeros(space.size)
     p[:2] = -0.1
     gait = space.gait(p)
-    return sum(m.values.size for m in margins(model, gait, periodic_orbit(model, gait, NODES), need))
+    found = margins(model, gait, periodic_orbit(model, gait, NODES), need)
+    return np.concatenate([np.broadcast_to(m.reserve, m.values.shape) for m in found])
 
 
 class _Memory:
@@ -191,18 +198,21 @@ def _from_start(
     space: Parametrisation, need: Requirements, cost: Cost, p: Vector, name: str
 ) -> tuple[Design | None, Vector, float]:
     """The gait one start leads to, if any; the vector; its largest scaled violation."""
-    p = _approach(_Problem(space=space, need=need, cost=cost, cost_scale=1.0), p)
+    problem = _Problem(space=space, need=need, cost=cost, cost_scale=1.0, held_back=HELD_BACK[0])
+    p = _approach(problem, p)
     first = periodic_orbit(space.model, space.gait(p), NODES)
-    scale = first.cost if cost == "torque" else first.work
-    problem = _Problem(space=space, need=need, cost=cost, cost_scale=max(scale, 1e-3))
-    p, iterations = _optimise(problem, p)
-    violation = _violation(problem.vector(p))
-    if violation > SLACK:
-        return None, p, violation
-    gait, orbit, kept = _finish(space, p, need, name)
-    if min(m.worst for m in kept) < 0.0:
-        return None, p, violation
-    return Design(gait=gait, orbit=orbit, margins=kept, iterations=iterations), p, violation
+    scale = max(first.cost if cost == "torque" else first.work, 1e-3)
+    iterations, violation = 0, np.inf
+    for held_back in HELD_BACK:
+        problem = _Problem(space=space, need=need, cost=cost, cost_scale=scale, held_back=held_back)
+        p, more = _optimise(problem, p)
+        iterations, violation = iterations + more, _violation(problem.vector(p))
+        if violation > SLACK:
+            break
+        gait, orbit, kept = _finish(space, p, need, name)
+        if min(m.worst for m in kept) >= 0.0:
+            return Design(gait=gait, orbit=orbit, margins=kept, iterations=iterations), p, violation
+    return None, p, violation
 
 
 def _check(model: WalkerModel, need: Requirements, degree: int) -> None:
@@ -256,11 +266,11 @@ def _approach(problem: _Problem, p: Vector) -> Vector:
     stay = 1e-2
 
     def miss(x: Vector) -> Vector:
-        return np.r_[value(x)[SPEED], np.minimum(value(x)[MARGINS] - HELD_BACK, 0.0), stay * (x - p)]
+        return np.r_[value(x)[SPEED], np.minimum(value(x)[MARGINS] - problem.reserve, 0.0), stay * (x - p)]
 
     def gradient(x: Vector) -> Vector:
         J = slope(x)
-        violated = value(x)[MARGINS] < HELD_BACK
+        violated = value(x)[MARGINS] < problem.reserve
         return np.vstack([J[SPEED], J[MARGINS] * violated[:, None], stay * np.eye(p.shape[0])])
 
     return least_squares(miss, p, jac=gradient, max_nfev=60, xtol=1e-6, ftol=1e-6).x
@@ -298,7 +308,7 @@ def _slsqp(problem: _Problem, p: Vector, metric: Vector) -> OptimizeResult:
         jac=lambda z: slope(z)[COST],
         constraints=[
             {"type": "eq", "fun": lambda z: value(z)[[SPEED]], "jac": lambda z: slope(z)[[SPEED]]},
-            {"type": "ineq", "fun": lambda z: value(z)[MARGINS] - HELD_BACK, "jac": lambda z: slope(z)[MARGINS]},
+            {"type": "ineq", "fun": lambda z: value(z)[MARGINS] - problem.reserve, "jac": lambda z: slope(z)[MARGINS]},
         ],
         method="SLSQP",
         options={"maxiter": ITERATIONS, "ftol": 1e-8},
@@ -308,7 +318,8 @@ def _slsqp(problem: _Problem, p: Vector, metric: Vector) -> OptimizeResult:
 def _merit(problem: _Problem, p: Vector) -> float:
     """Cost with violations priced above anything they could save."""
     vector = problem.vector(p)
-    return float(vector[COST]) + 1e3 * max(_violation(vector), 0.0)
+    shortfall = max(abs(float(vector[SPEED])), float((problem.reserve - vector[MARGINS]).max()))
+    return float(vector[COST]) + 1e3 * max(shortfall, 0.0)
 
 
 def _finish(

@@ -22,7 +22,7 @@ class Requirements:
     Attributes:
         step_length: In [m].
         speed: Mean forward speed in [m/s].
-        clearance: Height of the parabola over the step that the swing foot stays above, in [m].
+        clearance: Height in mid-step of the bump 16 s^2 (1 - s)^2 that the swing foot stays above, in [m].
         friction: Largest |F_T / F_N| in stance and |impulse_T / impulse_N| at impact.
         normal_share: Smallest stance force as a share of the walker's weight.
         torque_share: Largest torque as a share of each joint's limit.
@@ -64,6 +64,7 @@ class Margin:
         scale: What counts as 1 for the optimiser, in the unit.
         values: Margins in the unit, (k,), one for each node or joint.
         legal: The limit in words.
+        reserve: How much of the optimiser's reserve each value keeps, (k,) or one number for all.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Margin:
     scale: float
     values: Vector
     legal: str
+    reserve: float | Vector = 1.0
 
     @property
     def worst(self) -> float:
@@ -82,10 +84,9 @@ def margins(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) ->
     """All margins but the speed, always in the same order and of the same length."""
     weight = model.lumped.mass * model.lumped.gravity
     normal, tangential = orbit.force[:, NORMAL], orbit.force[:, TANGENTIAL]
-    parabola = 4.0 * need.clearance * orbit.s * (1.0 - orbit.s)
-    # Near its ends any step is as low as its rates make it; there only the ground itself counts.
-    inner = (orbit.s > 0.1) & (orbit.s < 0.9)
-    height = (orbit.foot[:, HIGH] - np.where(inner, parabola, 0.25 * parabola))[1:-1]
+    # Flat at both ends: there any step is as low as its rates make it, and only the ground itself counts.
+    bump = (16.0 * (orbit.s * (1.0 - orbit.s)) ** 2)[1:-1]
+    height = orbit.foot[1:-1, HIGH] - need.clearance * bump
     limit = need.torque_share * model.torque_limits
     share = need.reserve * abs(orbit.zeta[-1])
     knees = orbit.q[:, KNEES]
@@ -158,7 +159,8 @@ def margins(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) ->
             unit="m",
             scale=0.02,
             values=height,
-            legal=f"above a parabola of {need.clearance:g} m (a quarter of it near the ends)",
+            legal=f"above a bump of {need.clearance:g} m over the step",
+            reserve=bump,
         ),
         Margin(
             name="knee angle",
