@@ -13,6 +13,7 @@ from sim.errors import UserError
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
+    "gait": "Design gaits, check them, polish printed ones, fill the library.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
 }
 

@@ -13,6 +13,9 @@ from controller.gait import Gait
 from controller.kernels import Gains
 from controller.model import WalkerModel
 
+LONGEST = 5.0  # [s] a step; no walk has one, an optimiser's trial may
+UNBOUNDED = 1e3  # stands for the eigenvalues of a trial so wild that they are not finite
+
 
 def transverse_eigenvalues(model: WalkerModel, gait: Gait, orbit: Orbit, gains: Gains) -> np.ndarray:
     """Eigenvalues of the output errors over a step, (8,), complex.
@@ -24,7 +27,8 @@ def transverse_eigenvalues(model: WalkerModel, gait: Gait, orbit: Orbit, gains: 
         gains: ZD+PD gains.
     """
     jump = orbit_kernels.impact_of_errors(model.lumped, gait.table, float(orbit.dtheta[-1]))
-    return np.linalg.eigvals(decay(gains, orbit.step_time) @ jump)
+    product = decay(gains, min(orbit.step_time, LONGEST)) @ jump
+    return np.linalg.eigvals(product) if np.isfinite(product).all() else np.full(8, UNBOUNDED, dtype=complex)
 
 
 def decay(gains: Gains, t: float) -> np.ndarray:

@@ -1,0 +1,208 @@
+"""The second composition root: what the design commands need of the controller's side.
+
+Beliefs only: nothing here touches a plant. That a designed gait walks in MuJoCo is for `cmpc run` to show.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controller import library
+from controller.design import gait_file
+from controller.design.check import Report, check, requirements_of
+from controller.design.optimise import COST_UNIT, Design, design
+from controller.design.orbit import periodic_orbit
+from controller.design.plot import plot
+from controller.design.polish import polish
+from controller.design.requirements import Requirements
+from controller.errors import ControllerInputError
+from controller.gait import Gait, load_gait
+from controller.model import WalkerModel
+from sim.errors import UserError
+from sim.walkers import WalkerFolder
+
+__all__ = ["COST_UNIT", "Report", "belief", "check_gait", "design_gait", "library_gaits", "plot_gait", "polish_gait"]
+
+Say = Callable[[str], None]
+
+
+@contextlib.contextmanager
+def as_user_errors() -> Iterator[None]:
+    """What the controller's side refuses is a user's error here."""
+    try:
+        yield
+    except ControllerInputError as error:
+        raise UserError(str(error)) from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Belief:
+    """A walker and one of its gaits.
+
+    Attributes:
+        model: Analytic model.
+        gait: The gait.
+        path: Its file.
+    """
+
+    model: WalkerModel
+    gait: Gait
+    path: Path
+
+
+def belief(gait: str, walker: str | None) -> Belief:
+    """Read a gait and its walker.
+
+    Args:
+        gait: Name in the walker's gaits/, or a path.
+        walker: Name or folder; where it is not given, the folder above the gait's own, or RABBIT.
+
+    Raises:
+        UserError: a file is missing or not legal.
+    """
+    if walker is None:
+        above = Path(gait).resolve().parent.parent
+        walker = str(above) if gait.endswith(".toml") and (above / f"{above.name}.urdf").is_file() else "rabbit"
+    folder = WalkerFolder.find(walker)
+    with as_user_errors():
+        model = WalkerModel(folder.urdf)
+        path = folder.gait(gait)
+        return Belief(model=model, gait=load_gait(path, model), path=path)
+
+
+def check_gait(found: Belief, changes: Mapping[str, Any]) -> Report:
+    """Check a gait against the default requirements, some of them changed."""
+    with as_user_errors():
+        return check(found.model, found.gait, requirements_of(found.model, found.gait, **changes))
+
+
+def plot_gait(path: Path, found: Belief) -> None:
+    """Write a picture of a gait."""
+    with as_user_errors():
+        plot(path, found.model, found.gait, periodic_orbit(found.model, found.gait))
+
+
+def polish_gait(found: Belief, out: Path) -> Belief:
+    """Write the exactly periodic gait nearest to a gait; returns it."""
+    gait = polish(found.model, found.gait)
+    orbit = periodic_orbit(found.model, gait)
+    remark = f"The exactly periodic gait nearest to {found.gait.name}. Made by: cmpc gait polish {found.path.name}"
+    with as_user_errors():
+        gait_file.write(out, gait_file.to_toml(found.model, gait, orbit, (remark,)))
+        return Belief(model=found.model, gait=load_gait(out, found.model), path=out)
+
+
+def design_gait(
+    walker: str,
+    request: Mapping[str, Any],
+    *,
+    degree: int,
+    cost: str,
+    warm: str | None,
+    starts: int,
+    name: str | None,
+    out: Path | None,
+    say: Say,
+) -> tuple[Belief, Design]:
+    """Design a gait and write it.
+
+    Args:
+        walker: Name or folder.
+        request: Fields of `Requirements`.
+        degree: Of the Bezier polynomials.
+        cost: "torque" or "work".
+        warm: Gait to start from, by name or path.
+        starts: How many starts must succeed.
+        name: Of the gait; the file's stem if not given.
+        out: File to write; in the walker's gaits/ if not given.
+        say: Told what happens.
+
+    Raises:
+        UserError: infeasible, or a file is not legal.
+    """
+    folder = WalkerFolder.find(walker)
+    with as_user_errors():
+        model = WalkerModel(folder.urdf)
+        need = Requirements(**request)
+        start = load_gait(folder.gait(warm), model) if warm else None
+        out = out or folder.gaits / library.file_name(need.step_length, need.speed)
+        _check_folder(out)
+        found = design(
+            model, need, degree=degree, cost=cost, warm=start, starts=starts, say=say, name=name or out.stem  # type: ignore[arg-type]
+        )
+        gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost),)))
+        return Belief(model=model, gait=load_gait(out, model), path=out), found
+
+
+def library_gaits(
+    walker: str,
+    lengths: Sequence[float],
+    speeds: Sequence[float],
+    changes: Mapping[str, Any],
+    *,
+    degree: int,
+    starts: int,
+    workers: int,
+    fresh: bool,
+    say: Say,
+) -> list[Path]:
+    """Design all gaits of a grid that are not there yet, in parallel; returns their files.
+
+    Args:
+        walker: Name or folder.
+        lengths: Step lengths in [m].
+        speeds: In [m/s].
+        changes: Further fields of `Requirements`.
+        degree: Of the Bezier polynomials.
+        starts: How many starts must succeed for each.
+        workers: Processes.
+        fresh: Whether to design those again that are there.
+        say: Told a line for each gait.
+
+    Raises:
+        UserError: one of them is infeasible, or a file is not legal.
+    """
+    folder = WalkerFolder.find(walker)
+    jobs = []
+    for length in lengths:
+        for speed in speeds:
+            path = folder.gaits / library.file_name(length, speed)
+            if fresh or not path.is_file():
+                jobs.append((str(folder.urdf.parent), {**changes, "step_length": length, "speed": speed}, degree, starts))
+            else:
+                say(f"{path.name}: is there")
+    with ProcessPoolExecutor(workers) as pool:
+        for line in pool.map(_library_job, jobs):
+            say(line)
+    return [folder.gaits / library.file_name(length, speed) for length in lengths for speed in speeds]
+
+
+def _library_job(job: tuple[str, dict[str, Any], int, int]) -> str:
+    walker, request, degree, starts = job
+    found, made = design_gait(
+        walker,
+        request,
+        degree=degree,
+        cost="torque",
+        warm=None,
+        starts=starts,
+        name=None,
+        out=None,
+        say=lambda line: None,
+    )
+    return f"{found.path.name}: cost {made.orbit.cost:.0f} {COST_UNIT['torque']}, delta^2 {made.orbit.delta**2:.3f}"
+
+
+def _remark(folder: WalkerFolder, need: Requirements, degree: int, cost: str) -> str:
+    return (
+        f"Made by: cmpc gait design --walker {folder.name} --step-length {need.step_length:g} --speed {need.speed:g} "
+        f"--degree {degree} --cost {cost}"
+    )
+
+
+def _check_folder(out: Path) -> None:
+    if not out.parent.is_dir():
+        raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
