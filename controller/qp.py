@@ -11,6 +11,7 @@ so the problem always has exactly one solution; the torque box is hard.
 """
 
 import time
+import warnings
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -179,7 +180,9 @@ class SparseSolver:
         start = time.perf_counter()
         qp = self.sparse_form(problem)
         try:
-            result = qpsolvers.solve_problem(qp, solver=self.name, **self._options)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # adapters warn of what the status says anyway
+                result = qpsolvers.solve_problem(qp, solver=self.name, **self._options)
         except qpsolvers.exceptions.QPError:
             return failed(self._N, "solver-error", time.perf_counter() - start)
         elapsed = time.perf_counter() - start
@@ -189,12 +192,12 @@ class SparseSolver:
         u = result.x[: 4 * self._N].reshape(-1, 4) * _TORQUE_SCALE
         u = np.clip(u, problem.lower, problem.upper)
         residuals = np.array([result.primal_residual(), result.dual_residual(), result.duality_gap()])
-        extras = result.extras or {}
+        info = (result.extras or {}).get("info")  # PIQP's; the adapters of others do not hand a count on
         return Solution(
             found=True,
             u=u,
             status="optimal",
-            iterations=int(extras.get("iterations", 0)),
+            iterations=int(getattr(info, "iter", 0)),
             residuals=residuals,
             slack=float(problem.softening(u).max(initial=0.0)),
             active=count_active(problem, u),

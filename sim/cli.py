@@ -14,7 +14,15 @@ from sim.errors import UserError
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
     "gait": "Design gaits, check them, polish printed ones, fill the library.",
+    "walker": "Start a folder for a walker of one's own from its URDF, and check it end to end.",
+    "log": "Look at logs: info, check, recover, export, compare.",
+    "replay": "Run a log again from itself, as it was or with a change.",
+    "review": "Make one page from a log, or from two.",
+    "video": "Make a film or a picture from a log.",
+    "reproduce": "The paper's figures and tables again, with a verdict for each claim.",
+    "poincare": "Fixed point and eigenvalues of the step-to-step map.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
+    "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",
 }
 
 EXIT_USER_ERROR = 2

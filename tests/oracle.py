@@ -11,6 +11,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from controller.qp import StageQP
+
 Array = NDArray[np.float64]
 
 # Unpinned coordinates q_e = (hip x, hip z, torso, left hip, left knee, right hip, right knee), Pinocchio's order;
@@ -165,3 +167,27 @@ def condensed(
     Q = np.kron(np.diag(np.arange(N + 1.0)), np.diag(np.concatenate([Q_position, Q_velocity])))  # Sec. III.E
     M = E_of_U.T @ Q @ E_of_U + np.kron(np.eye(N), np.diag(R_input))
     return M, E_of_U.T @ Q @ F, float(F @ Q @ F)
+
+
+def gradient(problem: StageQP, u: Array) -> Array:
+    """Of the objective with softened rows, by the chain rule on w = cumsum(M u), (N, 4)."""
+    w = np.cumsum(np.einsum("kij,kj->ki", problem.rate, u), axis=0)
+    later = np.cumsum((problem.weight * w + problem.linear)[::-1], axis=0)[::-1]
+    rows = problem.penalty * np.einsum("krj,kr->kj", problem.rows, problem.softening(u))
+    return np.einsum("kij,ki->kj", problem.rate, later) + problem.R * u + rows
+
+
+def gain(problem: StageQP, u: Array) -> float:
+    """By how much u is better than no MPC, and the size of its cost: what an error is relative to."""
+    best = problem.objective(u)
+    return abs(best) + problem.objective(np.clip(0.0, problem.lower, problem.upper)) - best
+
+
+def excess(problem: StageQP, u: Array) -> float:
+    """By how much u may be worse than optimal at most, relative to its gain.
+
+    The objective f is convex, so no v in the box is better than u by more than max over v of f'(u) (u - v).
+    """
+    slope = gradient(problem, u)
+    v = np.where(slope > 0.0, problem.lower, problem.upper)
+    return float(np.sum(slope * (u - v))) / gain(problem, u)
