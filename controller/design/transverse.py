@@ -27,7 +27,7 @@ def transverse_eigenvalues(model: WalkerModel, gait: Gait, orbit: Orbit, gains: 
         gains: ZD+PD gains.
     """
     jump = orbit_kernels.impact_of_errors(model.lumped, gait.table, float(orbit.dtheta[-1]))
-    product = decay(gains, min(orbit.step_time, LONGEST)) @ jump
+    product = decay(gains, float(np.clip(orbit.step_time, 0.0, LONGEST))) @ jump
     return np.linalg.eigvals(product) if np.isfinite(product).all() else np.full(8, UNBOUNDED, dtype=complex)
 
 
