@@ -53,7 +53,7 @@ class ReturnMap:
 
 
 def step(
-    model: WalkerModel, gait: Gait, gains: Gains, x_minus: Vector, *, hold: float = 0.0
+    model: WalkerModel, gait: Gait, gains: Gains, x_minus: Vector, *, hold: float = 0.0, substeps: int = 4
 ) -> tuple[Vector, float, Vector, float]:
     """One step of the full closed loop under ZD+PD; see `orbit_kernels.full_step`.
 
@@ -64,12 +64,13 @@ def step(
         x_minus: State before impact, (10,).
         hold: Time a torque is held in [s], counted from the impact, saturated at the walker's limits; 0 for
             continuous time without saturation.
+        substeps: Integration steps in a hold; one is enough for 1e-6.
 
     Raises:
         NoReturn: no impact within `TIME_LIMIT`.
     """
-    substeps = round(hold / STEP)
-    h = hold / substeps if substeps else STEP
+    substeps = substeps if hold else 0
+    h = hold / substeps if hold else STEP
     found = orbit_kernels.full_step(
         model.lumped, gait.table, gains, model.torque_limits, x_minus, h, substeps, TIME_LIMIT
     )
@@ -91,7 +92,13 @@ def tangent(model: WalkerModel, q: Vector) -> Vector:
 
 
 def return_map(
-    model: WalkerModel, gait: Gait, gains: Gains, *, hold: float = 0.0, start: Vector | None = None
+    model: WalkerModel,
+    gait: Gait,
+    gains: Gains,
+    *,
+    hold: float = 0.0,
+    substeps: int = 4,
+    start: Vector | None = None,
 ) -> ReturnMap:
     """Fixed point of the closed loop near a gait, and the eigenvalues there.
 
@@ -102,6 +109,7 @@ def return_map(
         gait: Its outputs.
         gains: ZD+PD gains.
         hold: As in `step`; a held torque moves the fixed point, so it is found by Newton's method.
+        substeps: As in `step`.
         start: Where to look for it, (10,); the gait's state before impact if not given.
 
     Raises:
@@ -110,12 +118,12 @@ def return_map(
     x = np.r_[gait.q_minus, gait.dq_minus] if start is None else start
     for _ in range(NEWTON_STEPS):
         basis = tangent(model, x[:5])
-        end, time, peak, friction = step(model, gait, gains, x, hold=hold)
+        end, time, peak, friction = step(model, gait, gains, x, hold=hold, substeps=substeps)
         miss = basis.T @ (end - x)
         jacobian = np.empty((9, 9))
         for i in range(9):
-            ahead, *_ = step(model, gait, gains, x + DIFFERENCE * basis[:, i], hold=hold)
-            behind, *_ = step(model, gait, gains, x - DIFFERENCE * basis[:, i], hold=hold)
+            ahead, *_ = step(model, gait, gains, x + DIFFERENCE * basis[:, i], hold=hold, substeps=substeps)
+            behind, *_ = step(model, gait, gains, x - DIFFERENCE * basis[:, i], hold=hold, substeps=substeps)
             jacobian[:, i] = basis.T @ (ahead - behind) / (2.0 * DIFFERENCE)
         residual = float(np.abs(end - x).max())
         if hold == 0.0 or residual < 1e-9:
