@@ -30,7 +30,17 @@ from controller.model import WalkerModel
 from sim.errors import UserError
 from sim.walkers import WalkerFolder
 
-__all__ = ["COST_UNIT", "Report", "belief", "check_gait", "design_gait", "library_gaits", "plot_gait", "polish_gait", "search_gains"]
+__all__ = [
+    "COST_UNIT",
+    "Report",
+    "belief",
+    "check_gait",
+    "design_gait",
+    "library_gaits",
+    "plot_gait",
+    "polish_gait",
+    "search_gains",
+]
 
 Say = Callable[[str], None]
 
@@ -137,7 +147,14 @@ def design_gait(
         out = out or folder.gaits / library.file_name(need.step_length, need.speed)
         _check_folder(out)
         found = design(
-            model, need, degree=degree, cost=cost, warm=start, starts=starts, say=say, name=name or out.stem  # type: ignore[arg-type]
+            model,
+            need,
+            degree=degree,
+            cost=cost,  # type: ignore[arg-type]
+            warm=start,
+            starts=starts,
+            say=say,
+            name=name or out.stem,
         )
         gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost),)))
         return Belief(model=model, gait=load_gait(out, model), path=out), found
@@ -177,7 +194,8 @@ def library_gaits(
         for speed in speeds:
             path = folder.gaits / library.file_name(length, speed)
             if fresh or not path.is_file():
-                jobs.append((str(folder.urdf.parent), {**changes, "step_length": length, "speed": speed}, degree, starts))
+                request = {**changes, "step_length": length, "speed": speed}
+                jobs.append((str(folder.urdf.parent), request, degree, starts))
             else:
                 say(f"{path.name}: is there")
     with ProcessPoolExecutor(workers) as pool:

@@ -24,7 +24,8 @@ README = """\
 | `$name.xml` | the plant: MJCF, contact, motors, sensors | `sim/` |
 | `gaits/` | gaits, made by `cmpc gait design --walker $walker` | both |
 
-Conventions (axes, order of coordinates, contact settings) are those of `models/rabbit`. Where the numbers come from: say it here.
+Conventions (axes, order of coordinates, contact settings) are those of `models/rabbit`.
+Where the numbers come from: say it here.
 
 `cmpc walker check $walker` says how far the two models agree, judges every gait, and lets the walker walk.
 """
@@ -48,7 +49,8 @@ def create(folder: Path, urdf: Path, numbers: Mapping[str, float]) -> None:
     if folder.exists():
         raise UserError(f"{folder}: already exists and is never overwritten; choose another folder")
     fields = {key: f"{value:.12g}" for key, value in numbers.items()}
-    fields |= {f"{link}_izz": f"{OUT_OF_PLANE * numbers[f'{link}_inertia']:.6g}" for link in ("torso", "femur", "tibia")}
+    for link in ("torso", "femur", "tibia"):
+        fields[f"{link}_izz"] = f"{OUT_OF_PLANE * numbers[f'{link}_inertia']:.6g}"
     fields["torso_length"] = f"{TORSO_LENGTH * numbers['torso_com']:.4g}"
     fields["shaft_length"] = f"{numbers['tibia_length'] - TIBIA_BARE:.6g}"
     fields["toe"] = f"{numbers['tibia_length'] - TOE:.6g}"

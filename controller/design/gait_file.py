@@ -23,7 +23,7 @@ def to_toml(model: WalkerModel, gait: Gait, orbit: Orbit, remarks: tuple[str, ..
     rows = ",\n".join(f"  {_numbers(row)}" for row in gait.alpha)
     lines = [
         *(f"# {line}" for line in remarks),
-        "# Units: rad, rad/s, m, s. q = (stance hip, swing hip, stance knee, swing knee, torso); see the README beside.",
+        "# Units: rad, rad/s, m, s. q = (stance hip, swing hip, stance knee, swing knee, torso).",
         f"name = {_string(gait.name)}",
         f"walker = {_string(model.path.stem)}",
         f"fingerprint = {_string(model.fingerprint)}  # of the links it was made for",

@@ -158,6 +158,28 @@ def impact_of_errors(walker: Walker, gait: GaitTable, dtheta: float) -> Array:
 
 
 @compiled
+def decay(gains: Gains, t: float) -> Array:
+    """exp(A t) of ddy = -K_D dy - K_P y for (y, dy), t in [s], (8, 8)."""
+    found = np.zeros((2 * N_U, 2 * N_U))
+    for i in range(N_U):
+        half = 0.5 * gains.kd[i]
+        square = half * half - gains.kp[i]
+        root = np.sqrt(abs(square))
+        if root * t < 1e-6:
+            even, odd = 1.0, t  # cosh and sinh / root near zero; critically damped
+        elif square > 0.0:
+            even, odd = np.cosh(root * t), np.sinh(root * t) / root
+        else:
+            even, odd = np.cos(root * t), np.sin(root * t) / root
+        scale = np.exp(-half * t)
+        found[i, i] = scale * (even + half * odd)
+        found[i, N_U + i] = scale * odd
+        found[N_U + i, i] = -scale * gains.kp[i] * odd
+        found[N_U + i, N_U + i] = scale * (even - half * odd)
+    return found
+
+
+@compiled
 def _rate(
     walker: Walker, gait: GaitTable, gains: Gains, x: Array, u: Array, held: bool, stage: Stage, dx: Array
 ) -> None:

@@ -153,7 +153,7 @@ def elevate(alpha: Vector, degree: int) -> Vector:
         alpha = np.hstack([alpha[:, :1], inner, alpha[:, -1:]])
     if alpha.shape[1] - 1 > degree:
         up = elevate(np.eye(degree + 1), alpha.shape[1] - 1)
-        alpha = np.linalg.lstsq(up.T, alpha.T, rcond=None)[0].T
+        alpha = np.asarray(np.linalg.lstsq(up.T, alpha.T, rcond=None)[0].T, dtype=np.float64)
     return alpha
 
 

@@ -8,7 +8,17 @@ from controller.design.orbit import Orbit
 from controller.errors import ControllerInputError
 from controller.gait import Gait
 from controller.model import WalkerModel
-from controller.records import NORMAL, STANCE_HIP, STANCE_KNEE, SWING_HIP, SWING_KNEE, TANGENTIAL, TORSO, Vector, swap_legs
+from controller.records import (
+    NORMAL,
+    STANCE_HIP,
+    STANCE_KNEE,
+    SWING_HIP,
+    SWING_KNEE,
+    TANGENTIAL,
+    TORSO,
+    Vector,
+    swap_legs,
+)
 
 NAMES = ("stance hip", "swing hip", "stance knee", "swing knee")
 COLOURS = ("#2176b5", "#e66b19", "#7fb2d9", "#f2ab7a")

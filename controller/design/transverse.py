@@ -1,8 +1,8 @@
 """How output errors change from one step to the next: the eigenvalues beside delta^2, without integrating anything.
 
 Between impacts ddy = -K_D dy - K_P y exactly, whatever the walker does (Eqs. (8), (9)); an impact maps errors by
-`orbit_kernels.impact_of_errors`. To first order a step multiplies (y, dy) by exp(A T) J, with T the step time. On a hybrid
-invariant gait the Poincare map is block triangular, so these eigenvalues and delta^2 are all it has.
+`orbit_kernels.impact_of_errors`. To first order a step multiplies (y, dy) by exp(A T) J, with T the step time. On a
+hybrid invariant gait the Poincare map is block triangular, so these eigenvalues and delta^2 are all it has.
 """
 
 import numpy as np
@@ -27,18 +27,5 @@ def transverse_eigenvalues(model: WalkerModel, gait: Gait, orbit: Orbit, gains: 
         gains: ZD+PD gains.
     """
     jump = orbit_kernels.impact_of_errors(model.lumped, gait.table, float(orbit.dtheta[-1]))
-    product = decay(gains, float(np.clip(orbit.step_time, 0.0, LONGEST))) @ jump
+    product = orbit_kernels.decay(gains, float(np.clip(orbit.step_time, 0.0, LONGEST))) @ jump
     return np.linalg.eigvals(product) if np.isfinite(product).all() else np.full(8, UNBOUNDED, dtype=complex)
-
-
-def decay(gains: Gains, t: float) -> np.ndarray:
-    """exp(A t) of ddy = -K_D dy - K_P y for (y, dy), t in [s], (8, 8)."""
-    n = len(gains.kp)
-    found = np.zeros((2 * n, 2 * n))
-    for i, (kp, kd) in enumerate(zip(gains.kp, gains.kd, strict=True)):
-        half, root = 0.5 * kd, np.emath.sqrt(complex(0.25 * kd * kd - kp))
-        cosh = np.cosh(root * t)
-        sinh = np.sinh(root * t) / root if abs(root) > 1e-9 else t
-        block = np.array([[cosh + half * sinh, sinh], [-kp * sinh, cosh - half * sinh]])
-        found[np.ix_([i, n + i], [i, n + i])] = (np.exp(-half * t) * block).real
-    return found

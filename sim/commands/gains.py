@@ -66,7 +66,7 @@ def main(argv: Sequence[str]) -> int:
         row = result[name]
         print(f"{name:<6} K_P = {_row(row['kp'])}  K_D = {_row(row['kd'])}")
         sizes = ", ".join(f"{x:.4f}" for x in row["eigenvalues"][:4]) or "does not walk"
-        print(f"       eigenvalues {sizes}, ...; torque beyond its limit in a disturbed step: {row['torque_excess']:.1%}")
+        print(f"       eigenvalues {sizes}, ...; torque beyond limits when disturbed: {row['torque_excess']:.1%}")
     print(found.out)
     return 0
 
