@@ -1,0 +1,280 @@
+"""The ZD+PD closed loop and its exact derivatives, in output coordinates z = (y, dy, theta, dtheta).
+
+In these coordinates the closed loop is linear but for the clock: ddy = -K_D dy - K_P y, and ddtheta follows from the one
+equation of motion that no torque enters. With J = H [I; -c_a/c_5] the link angles are
+
+    phi = J (y + h(theta)) + theta/c_5,    j = dphi/dtheta = J h' + 1/c_5,
+
+so every derivative below is a product of the derivatives of the link torques tau(phi, dphi, ddphi) = D ddphi + C dphi + G,
+which are closed, with those of phi, dphi, ddphi in z. Predicted impacts enter by their saltation matrix: the Jacobian of
+the impact map with the shift of the impact's time (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, ch. 7).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from controller import kernels
+from controller.kernels import Array, Gains, GaitTable, Walker, compiled, cholesky5_solve
+
+N_Z = 10
+Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z
+
+
+class Derivatives(NamedTuple):
+    """Of the closed loop at one state.
+
+    Attributes:
+        clock: d ddtheta/dz, (10,).
+        clock_u: d ddtheta/du, (4,).
+        output_u: d ddy/du, L_g L_f h, (4, 4).
+        torque: du/dz of the ZD+PD torque in [N.m per unit of z], (4, 10).
+        force: dF/dz of the stance force under that torque, (2, 10).
+        force_u: dF/du in [1/m], (2, 4).
+    """
+
+    clock: Array
+    clock_u: Array
+    output_u: Array
+    torque: Array
+    force: Array
+    force_u: Array
+
+
+@compiled
+def new_derivatives() -> Derivatives:
+    """Allocate."""
+    e = np.empty
+    return Derivatives(e(10), e(4), e((4, 4)), e((4, 10)), e((2, 10)), e((2, 4)))
+
+
+@compiled
+def third_derivative(gait: GaitTable, theta: float, h3: Array) -> None:
+    """d3h_d/dtheta3, (4,)."""
+    s = (theta - gait.theta_start) / gait.theta_span
+    degree = gait.poly.shape[1] - 1
+    for i in range(4):
+        v = 0.0
+        for k in range(degree, 2, -1):
+            v = v * s + k * (k - 1) * (k - 2) * gait.poly[i, k]
+        h3[i] = v / gait.theta_span**3
+
+
+@compiled
+def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Array) -> None:
+    """z of a state (q, dq)."""
+    theta, dtheta = kernels.outputs(gait, q, dq, stage)
+    for i in range(4):
+        z[Y + i] = stage.y[i]
+        z[DY + i] = stage.dy[i]
+    z[THETA] = theta
+    z[DTHETA] = dtheta
+
+
+@compiled
+def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
+    """(q, dq) of a z."""
+    theta, dtheta = z[THETA], z[DTHETA]
+    s = (theta - gait.theta_start) / gait.theta_span
+    degree = gait.poly.shape[1] - 1
+    q[4] = theta
+    dq[4] = dtheta
+    for i in range(4):
+        h = gait.poly[i, degree]
+        h1 = 0.0
+        for k in range(degree - 1, -1, -1):
+            h1 = h1 * s + h
+            h = h * s + gait.poly[i, k]
+        q[i] = z[Y + i] + h
+        dq[i] = z[DY + i] + h1 / gait.theta_span * dtheta
+        q[4] -= gait.clock[i] * q[i]
+        dq[4] -= gait.clock[i] * dq[i]
+    q[4] /= gait.clock[4]
+    dq[4] /= gait.clock[4]
+
+
+@compiled
+def link_jacobian(gait: GaitTable, stage: kernels.Stage, J: Array, j: Array) -> None:
+    """J = dphi/dy (5, 4), and j = dphi/dtheta (5,), after `outputs`."""
+    inverse = 1.0 / gait.clock[4]
+    for i in range(5):
+        j[i] = inverse
+        for k in range(4):
+            J[i, k] = -gait.clock[k] * inverse
+    J[0, 0] += 1.0
+    J[2, 0] += 1.0
+    J[1, 1] += 1.0
+    J[3, 1] += 1.0
+    J[2, 2] += 1.0
+    J[3, 3] += 1.0
+    for i in range(5):
+        for k in range(4):
+            j[i] += J[i, k] * stage.h1[k]
+
+
+@compiled
+def derive(
+    walker: Walker, gait: GaitTable, gains: Gains, theta: float, dtheta: float, stage: kernels.Stage, out: Derivatives
+) -> float:
+    """All derivatives at the stage's state, after `kernels.closed_loop`; returns ddtheta."""
+    J = np.empty((5, 4))
+    j = np.empty(5)
+    h3 = np.empty(4)
+    link_jacobian(gait, stage, J, j)
+    third_derivative(gait, theta, h3)
+    ddtheta = 0.0
+    for i in range(5):
+        ddtheta += gait.clock[i] * stage.ddq[i]
+    # Derivatives of phi, dphi, ddphi in z at fixed ddtheta, columns as z.
+    phi_z = np.zeros((5, N_Z))
+    dphi_z = np.zeros((5, N_Z))
+    ddphi_z = np.zeros((5, N_Z))
+    for i in range(5):
+        rate = 0.0
+        acceleration = 0.0
+        for k in range(4):
+            phi_z[i, Y + k] = J[i, k]
+            dphi_z[i, DY + k] = J[i, k]
+            ddphi_z[i, Y + k] = -J[i, k] * gains.kp[k]
+            ddphi_z[i, DY + k] = -J[i, k] * gains.kd[k]
+            rate += J[i, k] * stage.h2[k] * dtheta
+            acceleration += J[i, k] * (h3[k] * dtheta * dtheta + stage.h2[k] * ddtheta)
+        phi_z[i, THETA] = j[i]
+        dphi_z[i, THETA] = rate
+        dphi_z[i, DTHETA] = j[i]
+        ddphi_z[i, THETA] = acceleration
+        ddphi_z[i, DTHETA] = 2.0 * rate
+    # Link torques: tau_i = sum_j A_ij (cos_ij ddphi_j + sin_ij dphi_j^2) - g b_i sin phi_i.
+    tau_z = np.zeros((5, N_Z))
+    Dj = np.zeros(5)
+    for i in range(5):
+        own = -walker.gravity * walker.b[i] * stage.cos[i]
+        for k in range(5):
+            a = walker.A[i, k]
+            cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
+            sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            by_phi = sine * stage.ddphi[k] - cosine * stage.dphi[k] * stage.dphi[k]  # of phi_k, minus that of phi_i
+            by_rate = 2.0 * sine * stage.dphi[k]
+            if k == i:
+                by_phi = 0.0
+            own -= by_phi
+            Dj[i] += cosine * j[k]
+            for m in range(N_Z):
+                tau_z[i, m] += by_phi * phi_z[k, m] + by_rate * dphi_z[k, m] + cosine * ddphi_z[k, m]
+        for m in range(N_Z):
+            tau_z[i, m] += own * phi_z[i, m]
+    # No torque enters the sum of the link equations: it gives ddtheta.
+    denominator = Dj[0] + Dj[1] + Dj[2] + Dj[3] + Dj[4]
+    for m in range(N_Z):
+        total = tau_z[0, m] + tau_z[1, m] + tau_z[2, m] + tau_z[3, m] + tau_z[4, m]
+        out.clock[m] = -total / denominator
+        for i in range(5):
+            tau_z[i, m] += Dj[i] * out.clock[m]
+            ddphi_z[i, m] += j[i] * out.clock[m]
+        out.torque[0, m] = tau_z[0, m] + tau_z[2, m]
+        out.torque[1, m] = tau_z[1, m] + tau_z[3, m]
+        out.torque[2, m] = tau_z[2, m]
+        out.torque[3, m] = tau_z[3, m]
+    for i in range(4):
+        out.torque[i, DY + i] += walker.damping[i]
+        out.torque[i, THETA] += walker.damping[i] * stage.h2[i] * dtheta
+        out.torque[i, DTHETA] += walker.damping[i] * stage.h1[i]
+    for m in range(N_Z):
+        tangential = 0.0
+        normal = 0.0
+        for i in range(5):
+            b, s, c = walker.b[i], stage.sin[i], stage.cos[i]
+            square = stage.dphi[i] * stage.dphi[i]
+            tangential += b * ((c * square + s * stage.ddphi[i]) * phi_z[i, m] - c * ddphi_z[i, m])
+            tangential += b * 2.0 * s * stage.dphi[i] * dphi_z[i, m]
+            normal += b * ((s * square - c * stage.ddphi[i]) * phi_z[i, m] - s * ddphi_z[i, m])
+            normal -= b * 2.0 * c * stage.dphi[i] * dphi_z[i, m]
+        out.force[0, m] = tangential
+        out.force[1, m] = normal
+    kernels.factor_inertia(stage)
+    kernels.responses(stage)
+    kernels.stance_force_per_torque(walker, stage, out.force_u)
+    for k in range(4):
+        clock = 0.0
+        for i in range(5):
+            clock += gait.clock[i] * stage.BtDinv[k, i]
+        out.clock_u[k] = clock
+        for i in range(4):
+            out.output_u[i, k] = stage.BtDinv[k, i] - stage.h1[i] * clock
+    return ddtheta
+
+
+@compiled
+def impact_jacobian(
+    walker: Walker, gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, jacobian: Array
+) -> None:
+    """Impact in place, after `place` and `outputs`, and dz+/dz- of the impact map into jacobian (10, 10)."""
+    J = np.empty((5, 4))
+    j = np.empty(5)
+    link_jacobian(gait, stage, J, j)
+    dtheta = 0.0
+    for i in range(5):
+        dtheta += gait.clock[i] * dq[i]
+    phi_z = np.zeros((5, N_Z))
+    dphi_z = np.zeros((5, N_Z))
+    for i in range(5):
+        rate = 0.0
+        for k in range(4):
+            phi_z[i, Y + k] = J[i, k]
+            dphi_z[i, DY + k] = J[i, k]
+            rate += J[i, k] * stage.h2[k] * dtheta
+        phi_z[i, THETA] = j[i]
+        dphi_z[i, THETA] = rate
+        dphi_z[i, DTHETA] = j[i]
+    # Momentum about the new foot, m_i = sum_j A_impact_ij cos_ij dphi_j, in the new names.
+    momentum_z = np.zeros((5, N_Z))
+    new_phi_z = np.zeros((5, N_Z))
+    for i in range(5):
+        row = kernels.MIRROR[i]
+        own = 0.0
+        for k in range(5):
+            a = walker.A_impact[i, k]
+            cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
+            sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            by_phi = sine * stage.dphi[k] if k != i else 0.0
+            own -= by_phi
+            for m in range(N_Z):
+                momentum_z[row, m] += by_phi * phi_z[k, m] + cosine * dphi_z[k, m]
+        for m in range(N_Z):
+            momentum_z[row, m] += own * phi_z[i, m]
+            new_phi_z[row, m] = phi_z[i, m]
+    kernels.impact(walker, q, dq, stage)
+    # D(phi+) dphi+ = m: differentiate, with the inertia at the new state.
+    new_dphi_z = np.empty((N_Z, 5))
+    for m in range(N_Z):
+        x = new_dphi_z[m]
+        for i in range(5):
+            v = momentum_z[i, m]
+            for k in range(5):
+                if k != i:
+                    sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+                    v -= sine * stage.dphi[k] * (new_phi_z[k, m] - new_phi_z[i, m])
+            x[i] = v
+        cholesky5_solve(stage.L, x)
+    kernels.outputs(gait, q, dq, stage)
+    dtheta = 0.0
+    for i in range(5):
+        dtheta += gait.clock[i] * dq[i]
+    dq_m = np.empty(5)
+    ddq_m = np.empty(5)
+    phi_m = np.empty(5)
+    for m in range(N_Z):
+        for i in range(5):
+            phi_m[i] = new_phi_z[i, m]
+        kernels.from_links(phi_m, dq_m)
+        kernels.from_links(new_dphi_z[m], ddq_m)
+        theta_m = 0.0
+        dtheta_m = 0.0
+        for i in range(5):
+            theta_m += gait.clock[i] * dq_m[i]
+            dtheta_m += gait.clock[i] * ddq_m[i]
+        for i in range(4):
+            jacobian[Y + i, m] = dq_m[i] - stage.h1[i] * theta_m
+            jacobian[DY + i, m] = ddq_m[i] - stage.h1[i] * dtheta_m - stage.h2[i] * dtheta * theta_m
+        jacobian[THETA, m] = theta_m
+        jacobian[DTHETA, m] = dtheta_m
