@@ -114,6 +114,18 @@ def test_impact_comes_from_the_state_not_from_time(model, gait, gains, before_im
     assert after.impact_in == -1
 
 
+def test_a_foot_that_scuffs_behind_does_not_land(model, walker, gait, gains):
+    """Eq. (4) asks for p_2^h > 0: below the ground and going down is not enough."""
+    q = oracle.R @ gait.q_minus  # the swing foot is a step behind, on the ground
+    down = -np.array([model.swing_foot(q, column)[2] for column in np.eye(5)])
+    horizon = predict(model, gait, gains, state(q, 3.0 * down), 5, T)
+    for x, exchange in zip(horizon.x[1:], horizon.exchange, strict=True):
+        q_e, _ = walker.unpinned(x[Q], x[DQ])
+        behind, height = walker.foot(q_e, oracle.SWING_FOOT)
+        assert behind < 0.0 and height < 0.0 and model.swing_foot(x[Q], x[DQ])[2] < 0.0
+        assert not exchange
+
+
 def test_a_faster_walker_lands_sooner(model, gait, gains, before_impact):
     landings = [
         predict(model, gait, gains, state(before_impact.q, factor * before_impact.dq), N, T).impact_in
