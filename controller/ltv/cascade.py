@@ -1,22 +1,25 @@
 """`c-mpc-ltv`: the cascade on the closed loop's own linearisation, with the clock's rate in the cost."""
 
+import math
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
-from controller import kernels
 from controller.cascade import Friction
 from controller.gait import Gait
-from controller.kernels import compiled
-from controller.ltv import horizon, sweep
-from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
+from controller.kernels import Gains
+from controller.ltv import plan
+from controller.ltv.cost import Cost, excess
+from controller.ltv.horizon import Ground
+from controller.ltv.orbit import find_orbit
+from controller.ltv.sweep import residuals
 from controller.model import WalkerModel
-from controller.records import ControlStep, Observation, Vector
+from controller.records import ControlStep, Observation, StanceState, Vector
 from controller.stance import StanceEstimator
 
-ROWS = 11  # a stage: both bounds of four torques, both sides of the friction cone, normal force
-SWEEPS = 8
+TICK = 1e-3  # [s] unit of `ControlStep.impact_in`
+BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,19 +30,31 @@ class LtvWeights:
         output: On y^2 in [1/rad^2].
         output_rate: On dy^2 in [s^2/rad^2].
         clock_rate: On (dtheta - dtheta*(theta))^2 in [s^2/rad^2].
-        torque: On u_tilde^2 in [1/(N.m)^2].
-        last: Factor on the weights of the last stage.
-        torque_penalty: On (torque beyond its limit)^2 in [1/(N.m)^2].
-        force_penalty: On (force beyond its limit)^2 in [1/N^2].
+        torque: On u_mpc^2 in [1/(N.m)^2].
+        last: Factor on the errors of the last stage.
+        torque_penalty: On (torque beyond its limit)^2 in [1/(N.m)^2]; the torque applied now is within it always.
     """
 
-    output: float = 1e5
-    output_rate: float = 1e3
-    clock_rate: float = 3e4
-    torque: float = 1.0
-    last: float = 10.0
-    torque_penalty: float = 1e3
-    force_penalty: float = 1e2
+    output: float
+    output_rate: float
+    clock_rate: float
+    torque: float
+    last: float
+    torque_penalty: float
+
+    def over(self, N: int, limit: Vector, friction: Friction | None) -> Cost:
+        """The cost over N stages."""
+        error = np.tile([self.output] * 4 + [self.output_rate] * 4 + [self.clock_rate], (N, 1))
+        error[-1] *= self.last
+        return Cost(
+            error=error,
+            torque=self.torque,
+            torque_penalty=self.torque_penalty,
+            force_penalty=friction.penalty if friction else 0.0,
+            limit=np.array(limit, dtype=float),
+            mu=float(friction.mu) if friction else 0.0,
+            normal_min=float(friction.normal_min) if friction else 0.0,
+        )
 
 
 class LtvCascade:
@@ -49,13 +64,15 @@ class LtvCascade:
         self,
         model: WalkerModel,
         gait: Gait,
-        gains: kernels.Gains,
+        gains: Gains,
         *,
+        period: float,
         stages: int,
         stage_time: float,
         substeps: int,
         weights: LtvWeights,
         friction: Friction | None,
+        slope_memory: float,
     ) -> None:
         """Put the parts together.
 
@@ -63,50 +80,51 @@ class LtvCascade:
             model: The walker believed in.
             gait: The outputs.
             gains: ZD+PD gains.
+            period: Of the ticks in [s].
             stages: N.
             stage_time: Length of a stage in [s].
             substeps: Integration steps of a stage.
             weights: Cost.
             friction: Contact-force limits, None to leave their rows out.
+            slope_memory: Share of the old belief about the ground's slope kept at a touch-down, 0 to 1; at 1 the
+                ground stays level.
         """
         self.model, self.gait, self.gains = model, gait, gains
-        self.weights, self.friction = weights, friction
-        self.orbit: Orbit = find_orbit(model, gait)
+        self.cost = weights.over(stages, model.torque_limits, friction)
+        self.orbit = find_orbit(model, gait)
         self.stance = StanceEstimator(model)
-        self._substep = stage_time / substeps
-        self._substeps = np.full(stages, substeps, dtype=np.int64)
-        self._horizon = horizon.new_horizon(stages)
-        self._stages = stages
+        self._N, self._period, self._stage_time, self._substeps = stages, period, stage_time, substeps
+        self._slope_memory = slope_memory
         self.reset("left")
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
         self.stance.reset(stance)
-        self._state = sweep.new_state(self._stages, ROWS)
+        self.ground = Ground(0.0, 0.0)
+        self.workspace = plan.new_workspace(self._N)
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick."""
+        old_leg = self.stance.leg
         state = self.stance.update(observation)
-        ahead, limit = self._horizon, self.model.torque_limits
-        horizon.look_ahead(
-            self.model.lumped, self.gait.table, self.gains, self._substep, self._substeps, state.q, state.dq, ahead
-        )
+        w = self.workspace
+        plan.shift(w.plan, self._period / self._stage_time)
+        if state.leg is not old_leg:
+            self._touched_down(state)
+            plan.drop_to_exchange(w.plan, w.other.exchange)
         started = time.perf_counter()
-        u = ahead.u[0].copy()
-        finite = bool(np.isfinite(ahead.z[-1]).all())
-        sweeps = 0
-        if finite:
-            problem = self.build(limit)
-            sweeps = sweep.solve(problem, self._state, SWEEPS)
-        found = finite and bool(np.isfinite(self._state.u[0]).all())
-        u_mpc = self._state.u[0].copy() if found else np.clip(u, -limit, limit) - u
-        if not found:
-            self._state = sweep.new_state(self._stages, ROWS)
+        found = plan.improve(
+            self.model.lumped, self.gait.table, self.gains, self.cost, self.orbit, self._ground_under(state),
+            self._stage_time / self._substeps, self._substeps, state.q, state.dq, w,
+        )  # fmt: skip
         solve_s = time.perf_counter() - started
+        u, z = w.other.u[0].copy(), w.other.z[0]
+        limit = self.model.torque_limits
+        u_mpc = w.plan[0].copy() if found else np.clip(u, -limit, limit) - u
+        if not found:
+            w.plan[:] = 0.0
         u_total = u + u_mpc
-        z = ahead.z[0]
-        first = int(ahead.exchange.argmax())
-        impact = round((first + 1) * self._substeps[0] * self._substep / 1e-3) if ahead.exchange[first] else -1
+        force = w.other.force[0].copy()
         return ControlStep(
             stance=state.leg.value,
             u_zd=state.leg.from_body(u),
@@ -117,76 +135,39 @@ class LtvCascade:
             theta=float(z[8]),
             dtheta=float(z[9]),
             s=self.gait.normalised(float(z[8])),
-            contact_force=ahead.force[0] + ahead.force_u[0] @ u_mpc,
-            impact_in=impact,
+            contact_force=force,
+            impact_in=self._impact_in(),
             status="optimal" if found else "prediction-diverged",
             fallback=not found,
-            iterations=abs(sweeps),
-            residuals=np.zeros(3),
-            slack=0.0,
-            active=int(self._state.exceeded.sum() + (self._state.fixed != 0).sum()),
+            iterations=int(abs(w.figures[3])),
+            residuals=residuals(w.problem, w.state) if found else np.full(3, math.nan),
+            slack=self._slack(u_total, force),
+            active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
             solve_s=solve_s,
         )
 
-    def build(self, limit: Vector) -> sweep.LtvProblem:
-        """The problem over the present horizon."""
-        N, w, h = self._stages, self.weights, self._horizon
-        e = np.empty
-        stage_weight = np.array([w.output] * 4 + [w.output_rate] * 4 + [w.clock_rate])
-        weight = np.tile(stage_weight, (N, 1))
-        weight[-1] *= w.last
-        problem = sweep.LtvProblem(
-            A=h.A,
-            B=h.B,
-            error=e((N, 9)),
-            weight=weight,
-            slope=e(N),
-            R=np.full(4, w.torque),
-            rows_z=np.zeros((N, ROWS, 10)),
-            rows_u=np.zeros((N, ROWS, 4)),
-            limits=np.full((N, ROWS), 1e9),
-            penalty=np.array([w.torque_penalty] * 8 + [w.force_penalty] * 3),
-            lower=-limit - h.u[0],
-            upper=limit - h.u[0],
-        )
-        friction = self.friction
-        _fill(
-            h, self.orbit, limit, friction.mu if friction else 0.0, friction.normal_min if friction else 0.0,
-            friction is not None, problem,
-        )  # fmt: skip
-        return problem
+    def _touched_down(self, state: StanceState) -> None:
+        """The old stance foot is now behind: the line between the feet is the ground."""
+        behind, height, _ = self.model.swing_foot(state.q, state.dq)
+        seen = height / behind if behind < -0.05 else 0.0
+        kept = self._slope_memory
+        self.ground = Ground(kept * self.ground.tangent + (1.0 - kept) * seen, 0.0)
+
+    def _ground_under(self, state: StanceState) -> Ground:
+        """The ground believed in, lowered where the swing foot is below it and feels nothing."""
+        ahead, height, _ = self.model.swing_foot(state.q, state.dq)
+        below = height - self.ground.tangent * ahead - BELOW
+        return Ground(self.ground.tangent, below if ahead > 0.0 and below < 0.0 else 0.0)
+
+    def _impact_in(self) -> int:
+        exchange = self.workspace.other.exchange
+        first = int(exchange.argmax())
+        return round((first + 1) * self._stage_time / TICK) if exchange[first] else -1
+
+    def _slack(self, u_total: Vector, force: Vector) -> float:
+        """How far the contact force expected now is beyond its limits in [N]."""
+        if self.cost.force_penalty == 0.0:
+            return 0.0
+        return max(0.0, *(excess(self.cost, u_total, force, row) for row in (8, 9, 10)))
 
 
-@compiled
-def _fill(h, orbit, limit, mu, normal_min, with_friction, p):  # type: ignore[no-untyped-def]
-    """Errors at the end of every stage and rows at its beginning."""
-    for k in range(p.slope.shape[0]):
-        z = h.z[k + 1]
-        rate, slope = nominal_rate(orbit, z[8])
-        for i in range(8):
-            p.error[k, i] = z[i]
-        p.error[k, 8] = z[9] - rate
-        p.slope[k] = slope
-        if k > 0:  # the box of the first torque is hard
-            for i in range(4):
-                for m in range(10):
-                    p.rows_z[k, i, m] = h.u_z[k, i, m]
-                    p.rows_z[k, 4 + i, m] = -h.u_z[k, i, m]
-                p.rows_u[k, i, i] = 1.0
-                p.rows_u[k, 4 + i, i] = -1.0
-                p.limits[k, i] = limit[i] - h.u[k, i]
-                p.limits[k, 4 + i] = limit[i] + h.u[k, i]
-        if with_friction:
-            for m in range(10):
-                t, n = h.force_z[k, 0, m], h.force_z[k, 1, m]
-                p.rows_z[k, 8, m] = t - mu * n
-                p.rows_z[k, 9, m] = -t - mu * n
-                p.rows_z[k, 10, m] = -n
-            for m in range(4):
-                t, n = h.force_u[k, 0, m], h.force_u[k, 1, m]
-                p.rows_u[k, 8, m] = t - mu * n
-                p.rows_u[k, 9, m] = -t - mu * n
-                p.rows_u[k, 10, m] = -n
-            p.limits[k, 8] = mu * h.force[k, 1] - h.force[k, 0]
-            p.limits[k, 9] = mu * h.force[k, 1] + h.force[k, 0]
-            p.limits[k, 10] = h.force[k, 1] - normal_min

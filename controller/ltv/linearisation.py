@@ -28,6 +28,7 @@ class Derivatives(NamedTuple):
         clock: d ddtheta/dz, (10,).
         clock_u: d ddtheta/du, (4,).
         output_u: d ddy/du, L_g L_f h, (4, 4).
+        output_z: d ddy/d(y, theta) at a held MPC torque, beyond -K_P and -K_D, (4, 5).
         torque: du/dz of the ZD+PD torque in [N.m per unit of z], (4, 10).
         force: dF/dz of the stance force under that torque, (2, 10).
         force_u: dF/du in [1/m], (2, 4).
@@ -36,6 +37,7 @@ class Derivatives(NamedTuple):
     clock: Array
     clock_u: Array
     output_u: Array
+    output_z: Array
     torque: Array
     force: Array
     force_u: Array
@@ -45,7 +47,7 @@ class Derivatives(NamedTuple):
 def new_derivatives() -> Derivatives:
     """Allocate."""
     e = np.empty
-    return Derivatives(e(10), e(4), e((4, 4)), e((4, 10)), e((2, 10)), e((2, 4)))
+    return Derivatives(e(10), e(4), e((4, 4)), e((4, 5)), e((4, 10)), e((2, 10)), e((2, 4)))
 
 
 @compiled
@@ -114,9 +116,10 @@ def link_jacobian(gait: GaitTable, stage: kernels.Stage, J: Array, j: Array) -> 
 
 @compiled
 def derive(
-    walker: Walker, gait: GaitTable, gains: Gains, theta: float, dtheta: float, stage: kernels.Stage, out: Derivatives
-) -> float:
-    """All derivatives at the stage's state, after `kernels.closed_loop`; returns ddtheta."""
+    walker: Walker, gait: GaitTable, gains: Gains, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage,
+    out: Derivatives,
+) -> None:  # fmt: skip
+    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `kernels.closed_loop`."""
     J = np.empty((5, 4))
     j = np.empty(5)
     h3 = np.empty(4)
@@ -201,7 +204,45 @@ def derive(
         out.clock_u[k] = clock
         for i in range(4):
             out.output_u[i, k] = stage.BtDinv[k, i] - stage.h1[i] * clock
-    return ddtheta
+    add_held_torque(walker, gait, u_mpc, stage, phi_z, out)
+
+
+@compiled
+def add_held_torque(
+    walker: Walker, gait: GaitTable, u_mpc: Array, stage: kernels.Stage, phi_z: Array, out: Derivatives
+) -> None:
+    """What the inertia's dependence on posture adds: D a = B u_mpc gives D a_z = -(D_phi phi_z) a."""
+    a = np.empty(5)  # link acceleration by u_mpc
+    clock_a = 0.0
+    for i in range(5):
+        a[i] = 0.0
+        for k in range(4):
+            a[i] += stage.link_BtDinv[k, i] * u_mpc[k]
+    for k in range(4):
+        clock_a += out.clock_u[k] * u_mpc[k]
+    x, ddq = np.empty(5), np.empty(5)
+    for column in range(5):
+        m = Y + column if column < 4 else THETA
+        for i in range(5):
+            v = 0.0
+            for k in range(5):
+                sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+                v -= sine * a[k] * (phi_z[k, m] - phi_z[i, m])
+            x[i] = v
+        cholesky5_solve(stage.L, x)
+        for i in range(5):
+            b, s, c = walker.b[i], stage.sin[i], stage.cos[i]
+            out.force[0, m] += b * (s * a[i] * phi_z[i, m] - c * x[i])
+            out.force[1, m] -= b * (c * a[i] * phi_z[i, m] + s * x[i])
+        kernels.from_links(x, ddq)
+        clock = 0.0
+        for i in range(5):
+            clock += gait.clock[i] * ddq[i]
+        out.clock[m] += clock
+        for i in range(4):
+            out.output_z[i, column] = ddq[i] - stage.h1[i] * clock
+            if m == THETA:
+                out.output_z[i, column] -= stage.h2[i] * clock_a
 
 
 @compiled

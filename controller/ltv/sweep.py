@@ -12,25 +12,26 @@ FREE, AT_LOWER, AT_UPPER = 0, -1, 1
 
 
 class LtvProblem(NamedTuple):
-    """minimise 1/2 sum_k [e' W e at z_{k+1}] + 1/2 u' R u + 1/2 sum_r rho_r max(0, Ez z + Eu u - d)^2.
+    """minimise 1/2 sum_k [e' W e at z_{k+1}] + 1/2 u' R u + linear' u + 1/2 sum_r rho_r max(0, Ez z + Eu u - d)^2.
 
     Attributes:
-        A, B: Of z_{k+1} = A z_k + B u_k, z_0 = 0 (deviations), (N, 10, 10) and (N, 10, 4).
+        AB: Of z_{k+1} = A z_k + B u_k, z_0 = 0 (deviations), (N, 10, 14).
         error: e at z_{k+1} = 0: outputs, rates, clock rate, (N, 9).
         weight: Diagonal W, (N, 9).
         slope: dtheta*'(theta) at the end of each stage, (N,).
         R: (4,).
+        linear: On u, (N, 4).
         rows_z, rows_u, limits: Ez (N, r, 10), Eu (N, r, 4), d (N, r).
         penalty: rho, (r,).
         lower, upper: Box of the first torque in [N.m], (4,).
     """
 
-    A: Array
-    B: Array
+    AB: Array
     error: Array
     weight: Array
     slope: Array
     R: Array
+    linear: Array
     rows_z: Array
     rows_u: Array
     limits: Array
@@ -70,7 +71,7 @@ def backward(p: LtvProblem, s: LtvState) -> None:
     H = np.empty((4, 4))
     x = np.empty(4)
     for k in range(N - 1, -1, -1):
-        A, B, K = p.A[k], p.B[k], s.K[k]
+        A, B, K = p.AB[k, :, :N_Z], p.AB[k, :, N_Z:], s.K[k]
         for i in range(8):
             P[i, i] += p.weight[k, i]
             c[i] += p.weight[k, i] * p.error[k, i]
@@ -98,7 +99,7 @@ def backward(p: LtvProblem, s: LtvState) -> None:
             for j in range(4):
                 H[i, j] = 0.0
             H[i, i] = p.R[i]
-            x[i] = 0.0
+            x[i] = p.linear[k, i]
         for m in range(N_Z):
             for i in range(4):
                 v = B[m, i]
@@ -227,9 +228,9 @@ def forward(p: LtvProblem, s: LtvState) -> int:
         for i in range(N_Z):
             v = 0.0
             for j in range(N_Z):
-                v += p.A[k, i, j] * z[j]
+                v += p.AB[k, i, j] * z[j]
             for j in range(4):
-                v += p.B[k, i, j] * u[j]
+                v += p.AB[k, i, N_Z + j] * u[j]
             s.z[k + 1, i] = v
         for q in range(r):
             v = -p.limits[k, q]
@@ -251,3 +252,25 @@ def solve(p: LtvProblem, s: LtvState, limit: int) -> int:
         if forward(p, s) == 0:
             return count
     return -limit
+
+
+@compiled
+def residuals(p: LtvProblem, s: LtvState) -> Array:
+    """Feasibility, stationarity and complementarity at stage 0, where the torque is applied, (3,).
+
+    Feasibility is the torque beyond its box in [N.m]; stationarity the largest gradient by a free first torque in
+    [1/(N.m)]; complementarity the largest product of a bound's multiplier with the distance from it.
+    """
+    out = np.zeros(3)
+    for i in range(4):
+        u = s.u[0, i]
+        g = s.H0[i, 4]
+        for j in range(4):
+            g += s.H0[i, j] * s.u[0, j]
+        out[0] = max(out[0], u - p.upper[i], p.lower[i] - u)
+        if s.fixed[i] == FREE:
+            out[1] = max(out[1], abs(g))
+        else:
+            distance = p.upper[i] - u if s.fixed[i] == AT_UPPER else u - p.lower[i]
+            out[2] = max(out[2], abs(g) * abs(distance))
+    return out

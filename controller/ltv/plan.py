@@ -1,0 +1,125 @@
+"""One real-time iteration: shift the plan, linearise about it, solve, and step no further than the true cost falls.
+
+Re-linearising about the last plan alone diverges under large pushes. Here the nominal is the better of the shifted plan
+and no plan at all, and a Newton step is halved until the cost of the true rollout falls; where it never does, the
+nominal stays. So the cost of what is applied never exceeds that of ZD+PD saturated for one tick.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller import kernels
+from controller.kernels import Array, Gains, GaitTable, Walker, compiled
+from controller.ltv.cost import ROWS, Cost, model, new_problem, objective
+from controller.ltv.horizon import Ground, LtvHorizon, look_ahead, new_horizon
+from controller.ltv.orbit import Orbit
+from controller.ltv.sweep import LtvProblem, LtvState, new_state, solve
+
+HALVINGS = 3
+SWEEPS = 5
+
+
+class Workspace(NamedTuple):
+    """What one iteration works on.
+
+    Attributes:
+        plan: MPC torques in [N.m], (N, 4); kept from tick to tick.
+        candidate: Another plan, (N, 4).
+        nominal: Horizon under the plan.
+        other: Horizon under the candidate.
+        problem: Quadratic model about the nominal.
+        state: Guess and answer of the sweeps.
+        figures: Cost of the nominal, cost of the answer, share of the step taken, sweeps, (4,).
+    """
+
+    plan: Array
+    candidate: Array
+    nominal: LtvHorizon
+    other: LtvHorizon
+    problem: LtvProblem
+    state: LtvState
+    figures: Array
+
+
+def new_workspace(N: int) -> Workspace:
+    """Room for N stages, without a plan."""
+    return Workspace(
+        np.zeros((N, 4)), np.zeros((N, 4)), new_horizon(N), new_horizon(N), new_problem(N), new_state(N, ROWS),
+        np.zeros(4),
+    )  # fmt: skip
+
+
+@compiled
+def shift(plan: Array, share: float) -> None:
+    """Move the plan on by a share of a stage; what is beyond its end stays as it was."""
+    for k in range(plan.shape[0] - 1):
+        for i in range(4):
+            plan[k, i] += share * (plan[k + 1, i] - plan[k, i])
+
+
+@compiled
+def drop_to_exchange(plan: Array, exchange: NDArray[np.bool_]) -> None:
+    """The legs have been exchanged: what was planned for after that begins now."""
+    N = plan.shape[0]
+    first = 0
+    while first < N and not exchange[first]:
+        first += 1
+    if first >= N - 1:
+        plan[:] = 0.0
+        return
+    for k in range(N):
+        for i in range(4):
+            plan[k, i] = plan[min(k + first + 1, N - 1), i]
+
+
+@compiled
+def into_box(cost: Cost, u: Array, first: Array) -> None:
+    """Clip the first torque of a plan so that the total (ZD+PD u) is within its limits."""
+    for i in range(4):
+        first[i] = min(max(first[i], -cost.limit[i] - u[i]), cost.limit[i] - u[i])
+
+
+@compiled
+def improve(
+    walker: Walker, gait: GaitTable, gains: Gains, cost: Cost, orbit: Orbit, ground: Ground, h: float, substeps: int,
+    q: Array, dq: Array, w: Workspace,
+) -> bool:  # fmt: skip
+    """One iteration on w.plan; returns whether the nominal motion and the answer are finite."""
+    N = w.plan.shape[0]
+    stage = kernels.new_stage()
+    kernels.place(q, dq, stage)
+    kernels.closed_loop(walker, gait, gains, q, dq, stage)
+    u = stage.u
+    w.candidate[:] = 0.0
+    into_box(cost, u, w.candidate[0])
+    into_box(cost, u, w.plan[0])
+    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.candidate, False, w.other)
+    without = objective(cost, orbit, w.other, w.candidate)
+    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, False, w.other)
+    best = objective(cost, orbit, w.other, w.plan)
+    if not best < without:
+        w.plan[:] = w.candidate
+        best = without
+    w.figures[0] = best
+    if not np.isfinite(best):
+        return False
+    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, True, w.nominal)
+    model(cost, orbit, w.nominal, w.plan, w.problem)
+    w.figures[3] = solve(w.problem, w.state, SWEEPS)
+    share = 1.0
+    for _ in range(HALVINGS + 1):
+        for k in range(N):
+            for i in range(4):
+                w.candidate[k, i] = w.plan[k, i] + share * w.state.u[k, i]
+        look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.candidate, False, w.other)
+        now = objective(cost, orbit, w.other, w.candidate)
+        if now < best:
+            w.figures[1], w.figures[2] = now, share
+            w.plan[:] = w.candidate
+            return True
+        share *= 0.5
+    w.figures[1], w.figures[2] = best, 0.0
+    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, False, w.other)
+    return True
