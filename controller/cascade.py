@@ -7,7 +7,7 @@ import numpy as np
 from controller import kernels
 from controller.gait import Gait
 from controller.model import WalkerModel
-from controller.prediction import Horizon, predict
+from controller.prediction import CorrectedHorizon, Horizon, predict
 from controller.qp import ROWS, Solver, StageQP, failed
 from controller.records import ControlStep, Observation, Vector
 from controller.stance import StanceEstimator
@@ -124,6 +124,7 @@ class CascadedMpc:
             slack=solution.slack,
             active=solution.active,
             solve_s=solution.solve_s,
+            plan=CorrectedHorizon(horizon=horizon, u_mpc=solution.u) if solution.found else None,
         )
 
 

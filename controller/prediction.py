@@ -47,11 +47,49 @@ class Horizon:
         """Whether the prediction stayed finite; that of a fallen walker need not."""
         return bool(np.isfinite(self.x[-1]).all() and np.isfinite(self.force).all())
 
+    def outputs_under(self, u: Vector) -> Vector:
+        """Outputs y_k + T/2 w_k under MPC torques, Eq. (15), in [rad], (N + 1, 4).
+
+        Args:
+            u: MPC torques in [N.m], (N, 4), stance order of each stage.
+        """
+        w = np.cumsum(np.einsum("kij,kj->ki", self.rate_per_torque, u), axis=0)
+        return self.y + 0.5 * self.T * np.vstack((np.zeros(4), w))
+
+    def forces_under(self, u: Vector) -> Vector:
+        """Stance contact forces under MPC torques, Eq. (20), (tangential, normal) in [N], (N, 2).
+
+        Args:
+            u: MPC torques in [N.m], (N, 4), stance order of each stage.
+        """
+        return self.force + np.einsum("kij,kj->ki", self.force_per_torque, u)
+
     @property
     def impact_in(self) -> int:
         """Stages to the first predicted impact, -1 if there is none."""
         first = int(self.exchange.argmax())
         return first + 1 if self.exchange[first] else -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CorrectedHorizon:
+    """A horizon and the MPC's torques over it; worked out only when somebody looks.
+
+    Attributes:
+        horizon: Partial prediction.
+        u_mpc: MPC torques in [N.m], (N, 4), stance order of each stage.
+    """
+
+    horizon: Horizon
+    u_mpc: Vector
+
+    def outputs(self) -> Vector:
+        """Predicted outputs in [rad], (N + 1, 4), stance order."""
+        return self.horizon.outputs_under(self.u_mpc)
+
+    def contact_forces(self) -> Vector:
+        """Predicted stance contact forces, (tangential, normal) in [N], (N, 2)."""
+        return self.horizon.forces_under(self.u_mpc)
 
 
 def predict(model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceState, N: int, T: float) -> Horizon:

@@ -87,6 +87,16 @@ class StanceState:
     leg: Leg
 
 
+class Plan(Protocol):
+    """What a controller expects over its horizon; worked out only when somebody looks."""
+
+    def outputs(self) -> Vector:
+        """Predicted outputs in [rad], (N + 1, 4), stance order of each stage."""
+
+    def contact_forces(self) -> Vector:
+        """Predicted stance contact forces, (tangential, normal) in [N], (N, 2)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ControlStep:
     """What a controller decided in one tick; joint vectors in body order, outputs in stance order.
@@ -110,6 +120,7 @@ class ControlStep:
         slack: Largest softening of a contact-force row over the horizon in [N].
         active: Active constraints over the horizon.
         solve_s: Wall time in the solver in [s].
+        plan: What the controller expects over the horizon; None if it plans nothing.
     """
 
     stance: str
@@ -130,3 +141,4 @@ class ControlStep:
     slack: float
     active: int
     solve_s: float
+    plan: Plan | None = None

@@ -13,7 +13,12 @@ from sim.errors import UserError
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
+    "log": "Look at logs: info, check, recover, export, compare.",
+    "replay": "Run a log again from itself, as it was or with a change.",
+    "review": "Make one page from a log, or from two.",
+    "video": "Make a film or a picture from a log.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
+    "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",
 }
 
 EXIT_USER_ERROR = 2

@@ -1,6 +1,7 @@
 """The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
 
 import contextlib
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,14 +19,18 @@ from controller.qp import ROWS, Solver
 from controller.solvers import make_solver
 from controller.zero_dynamics import ZeroDynamicsController
 from sim import provenance
+from sim.actuation import Actuation
 from sim.errors import UserError
-from sim.interface import Controller, Observation, Vector
+from sim.instruments import InstrumentedPlant
+from sim.interface import Controller, Observation, Plant, Vector
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
+from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
-from sim.scenario import ControllerSettings, Scenario, to_toml
-from sim.walkers import WalkerFolder
+from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
+from sim.sensors import Sensors
+from sim.viewer import check_display, viewer
 
 __all__ = [
     "Belief",
@@ -43,6 +48,8 @@ __all__ = [
 """The solver parts are handed on to the benchmark, which must not know the controller itself."""
 
 FIRST_STANCE = "left"
+RUN_UP = 2.0  # [m] of rough ground beyond what the steps need
+LONGEST_STEP = 0.6  # [m] a step may take on rough ground; the gait's are 0.4 m
 
 Announce = Callable[[str], None]
 """Takes one line for the user."""
@@ -69,16 +76,26 @@ def _as_user_errors() -> Iterator[None]:
         raise UserError(str(error)) from error
 
 
-def load_belief(scenario: Scenario) -> Belief:
+def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     """The controller's model and gait.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a file is missing, unreadable or not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
+    files = files or ModelFiles.of(scenario)
     with _as_user_errors():
-        model = WalkerModel(folder.urdf)
-        return Belief(model=model, gait=load_gait(folder.gait(scenario.gait), model))
+        model = WalkerModel(files.urdf)
+        return Belief(model=model, gait=load_gait(files.gait, model))
+
+
+@functools.lru_cache(maxsize=4)
+def known_belief(walker: str, gait: str) -> Belief:
+    """The controller's model and gait, read once a process: a campaign runs thousands of scenarios."""
+    return load_belief(Scenario(walker=walker, gait=gait))
 
 
 def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
@@ -109,14 +126,34 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         )
 
 
-def build_plant(scenario: Scenario) -> MujocoPlant:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant:
     """The plant a scenario asks for, not yet reset.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
 
     Raises:
         UserError: a model file or a setting is not legal.
     """
-    folder = WalkerFolder.find(scenario.walker)
-    return MujocoPlant(scenario.plant, folder.mjcf, scenario.controller.period)
+    files = files or ModelFiles.of(scenario)
+    return MujocoPlant(
+        scenario.plant,
+        files.mjcf,
+        scenario.controller.period,
+        seed=scenario.seed,
+        walk_length=RUN_UP + LONGEST_STEP * scenario.steps,
+    )
+
+
+def instrument(plant: Plant, scenario: Scenario) -> Plant:
+    """The plant behind the sensors and motors a scenario asks for; the plant itself if they do not err."""
+    if scenario.sensors == SensorSettings() and scenario.actuation == ActuationSettings():
+        return plant
+    period, seed = scenario.controller.period, scenario.seed
+    return InstrumentedPlant(
+        plant, Sensors(scenario.sensors, period, seed), Actuation(scenario.actuation, period, seed)
+    )
 
 
 def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
@@ -150,9 +187,12 @@ def run_scenario(
     log: Path | None = None,
     progress: Progress | None = None,
     stop: Stop | None = None,
+    files: ModelFiles | None = None,
+    view: bool = False,
     announce: Announce | None = None,
     solver: Solver | None = None,
     tape: Tape | None = None,
+    belief: Belief | None = None,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -161,47 +201,54 @@ def run_scenario(
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
         stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+        files: Model files to use instead of those the scenario names, such as those of a log.
+        view: Whether to show it in MuJoCo's window, no faster than real time.
         announce: Told a line for the user before something long.
         solver: Used instead of the one the scenario names.
         tape: Takes ticks and events where no log is written.
+        belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
-        UserError: a file or a setting is not legal, or the log can not be written.
+        UserError: a file or a setting is not legal, the log can not be written, or there is no display.
     """
-    belief = load_belief(scenario)
+    if view:
+        check_display()
+    files = files or ModelFiles.of(scenario)
+    belief = belief or load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief, solver=solver)
-    plant = build_plant(scenario)
+    plant = build_plant(scenario, files)
     q, dq = start_state(scenario, belief)
-    plant.reset(q, dq, FIRST_STANCE)
+    walker = instrument(plant, scenario)
+    walker.reset(q, dq, FIRST_STANCE)
     controller.reset(FIRST_STANCE)
     warm_up(controller, plant.observe(), announce)
     controller.reset(FIRST_STANCE)
 
     def loop(tape: Tape) -> RunSummary:
-        return Loop(
-            plant=plant,
-            controller=controller,
-            pushes=scenario.pushes,
-            com=plant.com,
-            stance=FIRST_STANCE,
-            steps=scenario.steps,
-            end_time=scenario.end_time,
-            tape=tape,
-            torque_limits=plant.torque_limits,
-        ).run(progress=progress, stop=stop, log=str(log) if log else "")
+        with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
+            return Loop(
+                plant=walker,
+                controller=controller,
+                pushes=scenario.pushes,
+                com=plant.com,
+                stance=FIRST_STANCE,
+                steps=scenario.steps,
+                end_time=scenario.end_time,
+                tape=tape,
+                torque_limits=plant.torque_limits,
+                period=scenario.controller.period,
+            ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
         return loop(tape or NoTape())
-    with Recorder(log, _header(scenario, belief, plant), scenario.controller.period) as recorder:
+    with Recorder(log, _header(scenario, belief, files), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, files: ModelFiles) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
-    folder = WalkerFolder.find(scenario.walker)
-    gait = folder.gait(scenario.gait)
     model = belief.model
     parts = {"femur": model.femur, "tibia": model.tibia}
     legs = {f"{side}_{part}": link.length for side in ("left", "right") for part, link in parts.items()}
@@ -216,9 +263,10 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant) -> RunHeader
         platform=provenance.platform_name(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         link_lengths={"torso": 2.0 * model.torso.com, **legs},
+        slope=scenario.plant.ground.slope,
         attachments={
-            folder.mjcf.name: ("application/xml", folder.mjcf.read_bytes()),
-            folder.urdf.name: ("application/xml", folder.urdf.read_bytes()),
-            gait.name: ("application/toml", gait.read_bytes()),
+            files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
+            files.urdf.name: ("application/xml", files.urdf.read_bytes()),
+            files.gait.name: ("application/toml", files.gait.read_bytes()),
         },
     )

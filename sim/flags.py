@@ -16,7 +16,7 @@ from sim import settings
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.settings import Setting
-from sim.specs import from_text, specs
+from sim.specs import Spec, from_text, specs
 
 PREFIX = "setting:"  # marks settings among the attributes of a parsed command line
 
@@ -65,7 +65,7 @@ def add_settings(parser: argparse.ArgumentParser, scenario: Scenario, argv: Sequ
     """
     order = list(specs(Scenario))
     rows = [*settings.table(scenario), *_further_tables(scenario, argv)]
-    rows.sort(key=lambda row: ("." in row.path, order.index(row.path.split(".")[0])))
+    rows.sort(key=lambda row: ("." in row.path, order.index(row.path.split(".")[0]), row.path.rpartition(".")[0]))
     for table, members in itertools.groupby(rows, key=lambda row: row.path.rpartition(".")[0]):
         group = parser.add_argument_group(table.replace("_", "-") or "scenario")
         for setting in members:
@@ -74,14 +74,23 @@ def add_settings(parser: argparse.ArgumentParser, scenario: Scenario, argv: Sequ
 
 def _further_tables(scenario: Scenario, argv: Sequence[str]) -> Iterator[Setting]:
     """Settings of tables an array does not have yet: one past the last, or as many as `argv` numbers."""
-    for name, spec in specs(Scenario).items():
-        if spec.repeated:
-            matches = (re.match(rf"--{name}\.(\d{{1,3}})\.", word) for word in argv)
-            last = max((int(match[1]) for match in matches if match), default=0)
-            there = len(getattr(scenario, name))
-            for index in range(there, max(there, last) + 1):
-                for field, inner in specs(spec.type).items():
-                    yield Setting(path=f"{name}.{index}.{field}", value=inner.default, spec=inner)
+    for path, spec, there in _arrays(scenario, ""):
+        pattern = re.compile(rf"--{re.escape(path)}\.(\d{{1,3}})\.")
+        matches = (pattern.match(word.replace("_", "-")) for word in argv)
+        last = max((int(match[1]) for match in matches if match), default=0)
+        for index in range(there, max(there, last) + 1):
+            for field, inner in specs(spec.type).items():
+                yield Setting(path=f"{path}.{index}.{field}", value=inner.default, spec=inner)
+
+
+def _arrays(tables: Any, path: str) -> Iterator[tuple[str, Spec, int]]:
+    """Every array of tables: dotted path, specification, number of tables in it."""
+    for name, spec in specs(type(tables)).items():
+        here, value = settings.join(path, name), getattr(tables, name)
+        if spec.repeated and spec.is_table:
+            yield here, spec, len(value)
+        elif spec.is_table:
+            yield from _arrays(value, here)
 
 
 def _add_flag(group: Any, setting: Setting) -> None:

@@ -59,6 +59,7 @@ class PlantState:
             in [N], (2, 2), a row a foot.
         push: Sum of the external forces over the last hold (x, z) in [N], (2,).
         penetrating: Names of links other than feet that touch the ground.
+        applied: External forces over the last hold, one by one.
     """
 
     t: float
@@ -73,6 +74,7 @@ class PlantState:
     contact_force: Vector
     push: Vector
     penetrating: tuple[str, ...] = ()
+    applied: tuple["AppliedForce", ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,6 +121,16 @@ class Plant(Protocol):
         Raises:
             PlantDiverged: the state is not finite any more.
         """
+
+
+class Plan(Protocol):
+    """What a controller expects over its horizon; a `ControlStep` may carry one as `plan`."""
+
+    def outputs(self) -> Vector:
+        """Predicted outputs in [rad], (N + 1, 4), stance order of each stage."""
+
+    def contact_forces(self) -> Vector:
+        """Predicted stance contact forces, (tangential, normal) in [N], (N, 2)."""
 
 
 class ControlStep(Protocol):

@@ -1,33 +1,27 @@
 """Reads a log back: tick channels as structured arrays, the rest as protobuf messages.
 
-A log is data from outside: a record is only looked at when it is there in full, and a chunk is only unpacked
-up to a bounded size. A file that stops in the middle (a killed run) gives everything up to the cut.
+A log is data from outside: see `sim.log_scan` for what is checked before anything is believed. A file that
+stops in the middle (a killed run) gives everything up to the cut.
 """
 
 import json
-import struct
-import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zstandard
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from sim.errors import UserError
+from sim.log_scan import Problem, Scan, scan
 from sim.recorder.layout import HEADER, layout_of
 
-LARGEST_CHUNK = 64 * 2**20  # [B] unpacked; ours are 0.2 MB
-_RECORD = struct.Struct("<BQ")
+LARGEST_FILE = 2**31  # [B]
 
 
 @dataclass(slots=True, eq=False)
@@ -37,6 +31,8 @@ class Log:
     Attributes:
         path: Where it was read from.
         complete: Whether it was finished; False for a truncated file.
+        problems: What is damaged in it; empty for one that just stops.
+        chunks: Sound chunks.
         metadata: Name of a metadata record -> its entries ("run", "result").
         attachments: File name -> (media type, content).
         channels: Topic -> channel record.
@@ -45,11 +41,13 @@ class Log:
 
     path: Path
     complete: bool = False
+    problems: tuple[Problem, ...] = ()
+    chunks: int = 0
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, tuple[str, bytes]] = field(default_factory=dict)
     channels: dict[str, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
-    _records: dict[int, list[bytes]] = field(default_factory=dict)
+    _records: dict[int, list[bytes]] = field(default_factory=dict, repr=False)
 
     def channel(self, topic: str) -> NDArray[Any]:
         """Every message of a per-tick channel as one structured array.
@@ -68,9 +66,9 @@ class Log:
         except ValueError as error:
             raise UserError(f"{self.path}: {topic} is not a per-tick channel: {error}") from None
         dtype = layout.record_dtype
-        data = b"".join(records)
         if any(len(record) != dtype.itemsize for record in records):
             raise UserError(f"{self.path}: a message of {topic} has not the {dtype.itemsize} bytes it should")
+        data = b"".join(records)
         if not layout.fits(np.frombuffer(data, np.uint8).reshape(-1, dtype.itemsize)):
             raise UserError(f"{self.path}: a message of {topic} does not match its schema")
         return np.frombuffer(data, dtype)
@@ -90,9 +88,38 @@ class Log:
         """Every message record of a channel as bytes: `HEADER` bytes, then the message."""
         return self._records.get(self._channel(topic).id, [])
 
+    def has_layout(self, topic: str) -> bool:
+        """Whether the channel's messages have a fixed layout, so that `channel` can read them."""
+        try:
+            layout_of(self._message_type(topic).DESCRIPTOR)
+        except ValueError:  # a UserError is one
+            return False
+        return True
+
     def units(self, topic: str) -> dict[str, str]:
-        """Unit of each field of a per-tick channel, by dotted name."""
-        return dict(json.loads(self._channel(topic).metadata.get("units", "{}")))
+        """Unit of each field of a channel of our own, by dotted name."""
+        return self._texts(topic, "units")
+
+    def descriptions(self, topic: str) -> dict[str, str]:
+        """Meaning of each field of a channel of our own, by dotted name."""
+        return self._texts(topic, "descriptions")
+
+    def _texts(self, topic: str, key: str) -> dict[str, str]:
+        try:
+            found = json.loads(self._channel(topic).metadata.get(key, "{}"))
+        except (ValueError, RecursionError):
+            found = None
+        if not isinstance(found, dict):
+            raise UserError(f"{self.path}: {key} of {topic} are no JSON object")
+        return {str(name): str(text) for name, text in found.items()}
+
+    def enums(self, topic: str) -> dict[str, dict[int, str]]:
+        """Dotted name of each enum field of a channel -> names of its codes."""
+        found: dict[str, dict[int, str]] = {}
+        for entry in self._message_type(topic).DESCRIPTOR.fields:
+            if entry.enum_type is not None:
+                found[entry.name] = {value.number: value.name for value in entry.enum_type.values}
+        return found
 
     def _channel(self, topic: str) -> Channel:
         if topic not in self.channels:
@@ -121,81 +148,61 @@ def read_log(path: Path | str) -> Log:
     Raises:
         UserError: it cannot be opened, is no MCAP file, or is damaged.
     """
+    log = salvage(path)
+    if log.problems:
+        first = log.problems[0]
+        raise UserError(f"{log.path} is damaged at byte {first.at}: {first.text}; cmpc log recover saves the rest")
+    return log
+
+
+def salvage(path: Path | str) -> Log:
+    """Read what is sound in a log; what is not is listed in `problems`.
+
+    Args:
+        path: The MCAP file.
+
+    Raises:
+        UserError: it cannot be opened or is no MCAP file.
+    """
     path = Path(path)
+    return log_of(path, scan(read_bytes(path)))
+
+
+def read_bytes(path: Path) -> bytes:
+    """All bytes of an MCAP file.
+
+    Raises:
+        UserError: it cannot be opened, is larger than `LARGEST_FILE`, or is no MCAP file.
+    """
     try:
+        if path.exists() and not path.is_file():
+            raise UserError(f"cannot read log {path}: it is not a file")
+        if path.stat().st_size > LARGEST_FILE:
+            raise UserError(f"log {path} has {path.stat().st_size} bytes; at most {LARGEST_FILE} are read")
         data = path.read_bytes()
     except OSError as error:
         raise UserError(f"cannot read log {path}: {error.strerror}") from error
     if not data.startswith(MCAP0_MAGIC):
         raise UserError(f"{path} is not an MCAP file")
-    log = Log(path)
-    for at, opcode, body in _records(memoryview(data), len(MCAP0_MAGIC)):
-        if opcode == Opcode.FOOTER:
-            log.complete = data.endswith(MCAP0_MAGIC)
-            break
-        try:
-            _take(log, opcode, body)
-        except Exception as error:
-            raise UserError(f"{path} is damaged at byte {at}: {error}") from error
+    return data
+
+
+def log_of(path: Path, found: Scan) -> Log:
+    """A log from what a scan found."""
+    log = Log(path, complete=found.complete, problems=tuple(found.problems), chunks=found.chunks)
+    log._records = found.messages
+    for opcode, record in found.kept:
+        if opcode == Opcode.SCHEMA:
+            log.schemas[record.id] = record
+        elif opcode == Opcode.CHANNEL:
+            log.channels[record.topic] = record
+        elif opcode == Opcode.METADATA:
+            log.metadata[record.name] = record.metadata
+        elif opcode == Opcode.ATTACHMENT:
+            log.attachments[record.name] = (record.media_type, record.data)
     return log
 
 
 def read_channel(path: Path | str, topic: str) -> NDArray[Any]:
     """Every message of one per-tick channel of a log; see `Log.channel`."""
     return read_log(path).channel(topic)
-
-
-def _records(data: memoryview, at: int) -> Iterator[tuple[int, int, memoryview]]:
-    """Whole records from a byte on: (offset, opcode, body)."""
-    while at + _RECORD.size <= len(data):
-        opcode, length = _RECORD.unpack_from(data, at)
-        end = at + _RECORD.size + length
-        if end > len(data):
-            return
-        yield at, opcode, data[at + _RECORD.size : end]
-        at = end
-
-
-def _take(log: Log, opcode: int, body: memoryview) -> None:
-    """Keep what one record says."""
-    if opcode == Opcode.CHUNK:
-        _unpack(log, Chunk.read(_stream(body)))
-    elif opcode == Opcode.SCHEMA:
-        schema = Schema.read(_stream(body))
-        log.schemas[schema.id] = schema
-    elif opcode == Opcode.CHANNEL:
-        channel = Channel.read(_stream(body))
-        log.channels[channel.topic] = channel
-    elif opcode == Opcode.METADATA:
-        metadata = Metadata.read(_stream(body))
-        log.metadata[metadata.name] = metadata.metadata
-    elif opcode == Opcode.ATTACHMENT:
-        if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
-            raise ValueError("CRC of an attachment is wrong")
-        attachment = Attachment.read(_stream(body))
-        log.attachments[attachment.name] = (attachment.media_type, attachment.data)
-
-
-def _unpack(log: Log, chunk: Chunk) -> None:
-    """Sort the message records of a chunk by channel."""
-    if chunk.compression != "zstd":
-        raise ValueError(f'compression "{chunk.compression}" is not "zstd"')
-    if chunk.uncompressed_size > LARGEST_CHUNK:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes exceeds the limit of {LARGEST_CHUNK}")
-    declared = zstandard.frame_content_size(chunk.data)
-    if declared not in (-1, chunk.uncompressed_size):
-        raise ValueError(f"a chunk holds {declared} bytes and says {chunk.uncompressed_size}")
-    data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("CRC of a chunk is wrong")
-    view = memoryview(data)
-    for at, opcode, body in _records(view, 0):
-        if opcode == Opcode.MESSAGE:
-            channel_id = int.from_bytes(body[:2], "little")
-            log._records.setdefault(channel_id, []).append(data[at : at + _RECORD.size + len(body)])
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            _take(log, opcode, body)
-
-
-def _stream(body: memoryview) -> ReadDataStream:
-    return ReadDataStream(BytesIO(body))

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from sim.disturbances import CentresOfMass, active_forces
+from sim.disturbances import PERIOD, CentresOfMass, active_forces
 from sim.errors import PlantDiverged
 from sim.interface import Controller, ControlStep, Observation, Plant, PlantState, Vector
 from sim.judge import Judge, TouchDown
@@ -56,6 +56,7 @@ class Loop:
         end_time: float,
         tape: Tape,
         torque_limits: Vector,
+        period: float = PERIOD,
     ) -> None:
         """Put the parts together; plant and controller must have been reset.
 
@@ -69,11 +70,13 @@ class Loop:
             end_time: Simulated time after which it ends anyway in [s].
             tape: Where ticks and events go.
             torque_limits: In [N.m], (4,), for the summary.
+            period: Control period in [s], over which impulses are spread.
         """
         self._plant, self._controller, self._tape = plant, controller, tape
         self._pushes, self._com = tuple(pushes), com
         self._steps, self._end_time = steps, end_time
         self._torque_limits = torque_limits
+        self._period = period
         self._judge = Judge(stance)
         self._metrics = Metrics()
         self._fallback = False
@@ -99,7 +102,7 @@ class Loop:
             outcome=outcome,
             reason=reason,
             detail=detail,
-            time_s=self._t,
+            final=self._state,
             wall_s=time.perf_counter() - began,
             torque_limits=self._torque_limits,
             log=log,
@@ -107,11 +110,10 @@ class Loop:
 
     def _walk(self, progress: Progress | None, stop: Stop | None) -> tuple[Outcome, FallReason, str]:
         plant, controller, judge, metrics = self._plant, self._controller, self._judge, self._metrics
-        self._t = 0.0
         k = 0
         while True:
             observation, state = plant.observe(), plant.state()
-            self._t = state.t
+            self._state = state
             touch_down = judge.touch_down(state)
             if touch_down:
                 self._landed(k, touch_down)
@@ -129,7 +131,14 @@ class Loop:
             started = time.perf_counter()
             step = controller.step(observation)
             tick_s = time.perf_counter() - started
-            forces = active_forces(self._pushes, state.t, judge.steps + 1, self._com)
+            forces = active_forces(
+                self._pushes,
+                state.t,
+                judge.steps + 1,
+                self._com,
+                step_began=judge.last_impact,
+                period=self._period,
+            )
             self._tape.tick(k, state, observation, step, tick_s)
             self._note(k, step, bool(forces))
             metrics.tick(state, step, judge, tick_s)

@@ -1,5 +1,6 @@
 """Figures of a run, gathered tick by tick in constant memory."""
 
+import hashlib
 import math
 
 import numpy as np
@@ -50,12 +51,16 @@ class Metrics:
         """Start empty."""
         self.ticks = 0
         self.peak_torque: Vector = np.zeros(4)
+        self.slip = 0.0  # [m]
         self.friction_ratio = 0.0
         self.fallbacks = 0
         self.slack = 0.0
         self.solve = Durations()
         self.tick_time = Durations()
         self._y2 = 0.0
+        self._torque2: Vector = np.zeros(4)
+        self._start_x: float | None = None
+        self._stance_foot: tuple[int, float] | None = None
         self._zd2 = 0.0
         self._mpc2 = 0.0
         self._step_times = 0.0
@@ -66,6 +71,8 @@ class Metrics:
         """Take in one tick."""
         self.ticks += 1
         np.maximum(self.peak_torque, np.abs(state.torque), out=self.peak_torque)
+        self._torque2 += state.torque * state.torque
+        self._slide(state, judge.stance)
         y, u_zd, u_mpc = step.y, step.u_zd, step.u_mpc
         self._y2 += float(y @ y)
         self._zd2 += float(u_zd @ u_zd)
@@ -80,6 +87,15 @@ class Metrics:
             if normal > 0.0:
                 self.friction_ratio = max(self.friction_ratio, abs(tangential) / normal)
 
+    def _slide(self, state: PlantState, stance: int) -> None:
+        """Add up how far the stance foot moves along the ground while it touches it."""
+        if self._start_x is None:
+            self._start_x = float(state.hip[0])
+        x = float(state.foot[stance, 0])
+        if self._stance_foot is not None and self._stance_foot[0] == stance and state.contact[stance]:
+            self.slip += abs(x - self._stance_foot[1])
+        self._stance_foot = (stance, x)
+
     def touch_down(self, event: TouchDown) -> None:
         """Take in one completed step."""
         self._steps += 1
@@ -92,7 +108,7 @@ class Metrics:
         outcome: Outcome,
         reason: FallReason,
         detail: str,
-        time_s: float,
+        final: PlantState,
         wall_s: float,
         torque_limits: Vector,
         log: str,
@@ -103,13 +119,16 @@ class Metrics:
             outcome: How the run ended.
             reason: Why it counts as a fall.
             detail: Figures of the fall, or the message of an error or interruption.
-            time_s: Simulated time in [s].
+            final: The last state.
             wall_s: Wall time in [s].
             torque_limits: In [N.m], (4,), ordered as `JOINTS`.
             log: Path of the log.
         """
         fell = outcome is Outcome.FELL
         finite = np.isfinite(torque_limits)
+        time_s = final.t
+        started = self._start_x if self._start_x is not None else float(final.hip[0])
+        rms = np.sqrt(self._torque2 / self.ticks) if self.ticks else self._torque2
         return RunSummary(
             outcome=outcome.value,
             fall_reason=f"{reason.value} ({detail})" if fell and detail else reason.value if fell else "",
@@ -123,6 +142,11 @@ class Metrics:
                 for name, value, is_finite in zip(JOINTS, torque_limits.tolist(), finite, strict=True)
                 if is_finite
             },
+            rms_torque_Nm=dict(zip(JOINTS, rms.tolist(), strict=True)),
+            speed_m_s=(float(final.hip[0]) - started) / time_s if time_s > 0.0 else None,
+            slip_m=self.slip if self.ticks else None,
+            ticks=self.ticks,
+            state_digest=digest(final),
             friction_ratio_max=self.friction_ratio if self.ticks else None,
             output_error_rms_rad=math.sqrt(self._y2 / (4 * self.ticks)) if self.ticks else None,
             mpc_torque_share=math.sqrt(self._mpc2 / self._zd2) if self._zd2 else None,
@@ -134,3 +158,9 @@ class Metrics:
             log=log,
             message="" if fell else detail,
         )
+
+
+def digest(state: PlantState) -> str:
+    """Fingerprint of a state: equal for states that are equal bit for bit."""
+    parts = (state.q, state.dq, state.hip, state.dhip)
+    return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()[:16]

@@ -1,6 +1,6 @@
 """How a run can end, and what is reported of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 
@@ -47,6 +47,11 @@ class RunSummary:
         realtime_factor: Simulated over wall time.
         log: Path of the log, empty if none was written.
         message: Detail of an error or an interruption.
+        rms_torque_Nm: RMS of the applied torque of each joint in [N.m].
+        speed_m_s: Mean forward speed of the hip in [m/s].
+        slip_m: Distance the stance foot slid along the ground in [m].
+        ticks: Control ticks.
+        state_digest: Fingerprint of the last state; equal for states that are equal bit for bit.
     """
 
     outcome: str
@@ -67,3 +72,8 @@ class RunSummary:
     realtime_factor: float
     log: str = ""
     message: str = ""
+    rms_torque_Nm: dict[str, float] = field(default_factory=dict)
+    speed_m_s: float | None = None
+    slip_m: float | None = None
+    ticks: int = 0
+    state_digest: str = ""

@@ -14,21 +14,18 @@ import numpy as np
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, FEET, JOINTS, AppliedForce, Observation, PlantState, Vector
+from sim.plant_spec import BODIES, INTEGRATORS, build_spec
 from sim.scenario import PlantSettings
+from sim.terrain import Terrain
 
 LEGS = ("left", "right")
-BODIES = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
 DETECTED_LINKS = ("torso", "left_femur", "right_femur")
 """Links sensed to touch the ground; a femur reaches to the knee, so it answers for the tibia's upper end."""
 
-INTEGRATORS = {
-    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
-    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
-}
 FOOTHOLD_DEPTH = 1e-6  # [m], half the depth at rest: at reset the stance foot is sensed as touching
 WHOLE_TOLERANCE = 1e-9  # relative, for "the control period is a whole number of substeps"
+
+__all__ = ["BODIES", "INTEGRATORS", "MujocoPlant", "build_spec"]
 
 logger = logging.getLogger(__name__)
 
@@ -48,13 +45,23 @@ class MujocoPlant:
         sources: Files the plant was read from.
     """
 
-    def __init__(self, settings: PlantSettings, model_path: Path, control_period: float) -> None:
+    def __init__(
+        self,
+        settings: PlantSettings,
+        model_path: Path,
+        control_period: float,
+        *,
+        seed: int = 0,
+        walk_length: float = 20.0,
+    ) -> None:
         """Read, modify and compile the model.
 
         Args:
             settings: Integration, ground and modelling errors.
             model_path: MJCF file of the walker.
             control_period: Duration of one hold in [s].
+            seed: The scenario's seed, for rough ground.
+            walk_length: How far rough ground has to reach in [m].
 
         Raises:
             UserError: the file is missing or unreadable, or a setting is not legal.
@@ -63,7 +70,8 @@ class MujocoPlant:
         self._period = control_period  # [s]
         self._substeps = _whole_substeps(control_period, settings.timestep)
         self.sources = (Path(model_path),)
-        spec = build_spec(settings, Path(model_path))
+        self._terrain = Terrain(settings.ground, seed=seed, length=walk_length)
+        spec = build_spec(settings, Path(model_path), self._terrain)
         self._model = model = spec.compile()
         self._data = data = mujoco.MjData(model)
         self.mjcf_text: str = spec.to_xml()
@@ -93,11 +101,10 @@ class MujocoPlant:
         self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
         limits: Vector = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
         self.torque_limits = limits[self._u_index]
-        self._femur = float(model.body("left_tibia").pos[2])  # [m]
-        self._tibia = float(model.geom("left_foot").pos[2])  # [m]
+        self._lengths = tuple(  # [m] of femur and tibia, left, then right
+            (float(model.body(f"{leg}_tibia").pos[2]), float(model.geom(f"{leg}_foot").pos[2])) for leg in LEGS
+        )
         self._radius = float(model.geom("left_foot").size[0])  # [m]
-        slope = settings.ground.slope
-        self._cos, self._sin = math.cos(slope), math.sin(slope)
         self._state_size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self._begin()
 
@@ -142,7 +149,9 @@ class MujocoPlant:
         leg = LEGS.index(stance)
         x, z = self._feet(q.tolist())[leg]
         dx, dz = self._feet_velocity(q.tolist(), dq.tolist())[leg]
-        self._qpos[self._hip_index] = -x, (self._radius - FOOTHOLD_DEPTH) / self._cos - z
+        ground = self._terrain.under(0.0)
+        above = (self._radius - FOOTHOLD_DEPTH) / math.cos(ground.angle)  # [m], of the sphere's centre
+        self._qpos[self._hip_index] = -x, above + self._terrain.height(0.0) - z
         self._qvel[self._hip_index] = -dx, -dz
         mujoco.mj_forward(self._model, self._data)
         self._begin()
@@ -162,8 +171,13 @@ class MujocoPlant:
         hip = self._qpos[self._hip_index]
         hip_x, hip_z = hip.tolist()
         foot = [(hip_x + x, hip_z + z) for x, z in self._feet(q.tolist())]
-        cos, sin = self._cos, self._sin
-        fx_left, fz_left, fx_right, fz_right = (self._force_total / self._substeps).tolist()
+        clearance, contact_force = [], []
+        means = (self._force_total / self._substeps).tolist()  # [N], left x, z, right x, z
+        for (x, z), fx, fz in zip(foot, means[0::2], means[1::2], strict=True):
+            ground = self._terrain.under(x)
+            cos, sin = math.cos(ground.angle), math.sin(ground.angle)
+            clearance.append(z - (x * sin + self._radius) / cos - ground.intercept)
+            contact_force.append((fx * cos + fz * sin, fz * cos - fx * sin))
         sensors = self._sensors
         return PlantState(
             t=self._ticks * self._period,
@@ -172,19 +186,15 @@ class MujocoPlant:
             hip=hip,
             dhip=self._qvel[self._hip_index],
             foot=np.array(foot),
-            clearance=np.array([z - (x * sin + self._radius) / cos for x, z in foot]),
+            clearance=np.array(clearance),
             torque=self._actuator_force[self._u_index],
             contact=self._contact(),
-            contact_force=np.array(
-                [
-                    (fx_left * cos + fz_left * sin, fz_left * cos - fx_left * sin),
-                    (fx_right * cos + fz_right * sin, fz_right * cos - fx_right * sin),
-                ]
-            ),
+            contact_force=np.array(contact_force),
             push=np.array(self._push),
             penetrating=tuple(
                 name for name, i in zip(DETECTED_LINKS, self._link_address, strict=True) if sensors[i] > 0
             ),
+            applied=self._applied,
         )
 
     def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
@@ -219,6 +229,7 @@ class MujocoPlant:
         self._force_total = np.zeros(4)  # [N] left x, z, right x, z: sum over the substeps
         self._push = (0.0, 0.0)  # [N]
         self._pushed = False
+        self._applied: tuple[AppliedForce, ...] = ()
 
     def _contact(self) -> tuple[bool, bool]:
         left, right = self._feet_address
@@ -233,23 +244,23 @@ class MujocoPlant:
     def _feet(self, q: Sequence[float]) -> tuple[tuple[float, float], ...]:
         """Tips of the left and right tibia (x, z) relative to the hip in [m], from `q` in [rad], (5,)."""
         _, *legs = self._absolute_angles(q)
-        femur, tibia = self._femur, self._tibia
         return tuple(
             (-femur * math.sin(a) - tibia * math.sin(b), femur * math.cos(a) + tibia * math.cos(b))
-            for a, b in (legs[:2], legs[2:])
+            for (a, b), (femur, tibia) in zip((legs[:2], legs[2:]), self._lengths, strict=True)
         )
 
     def _feet_velocity(self, q: Sequence[float], dq: Sequence[float]) -> tuple[tuple[float, float], ...]:
         """Velocities of the tips relative to the hip in [m/s], from `q` [rad] and `dq` [rad/s], (5,)."""
         _, *legs = self._absolute_angles(q)
         _, *rates = self._absolute_angles(dq)
-        femur, tibia = self._femur, self._tibia
         return tuple(
             (
                 -femur * da * math.cos(a) - tibia * db * math.cos(b),
                 -femur * da * math.sin(a) - tibia * db * math.sin(b),
             )
-            for (a, b), (da, db) in ((legs[:2], rates[:2]), (legs[2:], rates[2:]))
+            for (a, b), (da, db), (femur, tibia) in zip(
+                (legs[:2], legs[2:]), (rates[:2], rates[2:]), self._lengths, strict=True
+            )
         )
 
     def _apply(self, forces: Sequence[AppliedForce]) -> None:
@@ -267,61 +278,13 @@ class MujocoPlant:
             fx, fz = applied.force
             self._xfrc[self._body_id[applied.body]] += (fx, 0.0, fz, 0.0, arm_z * fx - arm_x * fz, 0.0)
             push_x, push_z = push_x + fx, push_z + fz
-        self._push, self._pushed = (push_x, push_z), bool(forces)
+        self._push, self._pushed, self._applied = (push_x, push_z), bool(forces), tuple(forces)
 
     def _diagnosis(self) -> str:
         number, info = self._warnings.tolist(), self._data.warning.lastinfo.tolist()
         warnings = [mujoco.mju_warningText(kind, info[kind]) for kind, count in enumerate(number) if count]
         detail = "; ".join(warnings) or f"qpos = {self._qpos.tolist()}, qvel = {self._qvel.tolist()}"
         return f"the plant diverged in the hold up to t = {self._ticks * self._period:.3f} s: {detail}"
-
-
-def build_spec(settings: PlantSettings, model_path: Path) -> mujoco.MjSpec:
-    """Read the MJCF and apply the plant's settings and modelling errors to it.
-
-    Args:
-        settings: Timestep in [s], integrator, saturation, ground, factors on mass, damping, torque limits.
-        model_path: MJCF file of the walker.
-
-    Raises:
-        UserError: the file is missing or unreadable, lacks a part of the walker, or a setting is not legal.
-    """
-    if not model_path.is_file():
-        raise UserError(f"model file {model_path}: does not exist")
-    try:
-        spec = mujoco.MjSpec.from_file(str(model_path))
-    except ValueError as error:
-        raise UserError(f"model file {model_path}: {str(error).splitlines()[0]}") from error
-    if settings.integrator not in INTEGRATORS:
-        legal = ", ".join(INTEGRATORS)
-        raise UserError(f'plant.integrator = "{settings.integrator}": must be one of {legal}')
-    spec.option.timestep = settings.timestep
-    spec.option.integrator = INTEGRATORS[settings.integrator]
-
-    def part(kind: str, name: str) -> mujoco.MjsElement:
-        found = getattr(spec, kind)(name)
-        if found is None:
-            raise UserError(f'model file {model_path}: has no {kind} named "{name}"')
-        return found
-
-    for name in ("floor", *FEET):
-        geom = part("geom", name)
-        geom.friction = [settings.ground.friction, *geom.friction[1:]]
-    half = settings.ground.slope / 2  # [rad], about (0, -1, 0) as every angle
-    part("body", "ground").quat = [math.cos(half), 0.0, -math.sin(half), 0.0]
-    for name in BODIES:
-        body, factor = part("body", name), getattr(settings.mass_factor, name)
-        body.mass *= factor
-        body.inertia = body.inertia * factor
-    for name in JOINTS:
-        joint, actuator = part("joint", name), part("actuator", name)
-        joint.damping = joint.damping * getattr(settings.damping_factor, name)
-        factor = getattr(settings.torque_limit_factor, name)
-        actuator.forcerange = actuator.forcerange * factor
-        actuator.ctrlrange = actuator.ctrlrange * factor
-        if not settings.saturation:
-            actuator.forcelimited = actuator.ctrllimited = False
-    return spec
 
 
 def _whole_substeps(control_period: float, timestep: float) -> int:

@@ -1,4 +1,4 @@
-"""What happens in a run: walker, gait, controller, plant and its errors, pushes, start, end.
+"""What happens in a run: walker, gait, controller, plant and its errors, sensors, motors, pushes, start, end.
 
 A scenario is a tree of frozen dataclasses and the same tree as TOML. To add a setting, add a field with a
 default, its unit and range in the annotation and a sentence in the docstring: the loader, the command line's
@@ -17,18 +17,32 @@ from typing import Annotated, Any, Literal
 
 from sim import settings
 from sim.errors import UserError
+from sim.plant_settings import GroundSettings, PlantSettings
+from sim.signal_settings import ActuationSettings, SensorSettings
+from sim.tables import BodyFactors, JointFactors
 from sim.units import (
     AT_LEAST_ONE,
     NOT_NEGATIVE,
     POSITIVE,
-    SLOPE,
     Newton,
-    PositiveRatio,
     Radian,
     Ratio,
     Second,
     Unit,
 )
+
+__all__ = [
+    "ActuationSettings",
+    "BodyFactors",
+    "ControllerSettings",
+    "GroundSettings",
+    "JointFactors",
+    "PlantSettings",
+    "Push",
+    "Scenario",
+    "SensorSettings",
+    "StartSettings",
+]
 
 SHIPPED = Path(__file__).parent / "scenarios"
 DEFAULT = "push-25N"
@@ -68,85 +82,13 @@ class ControllerSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GroundSettings:
-    """The floor.
-
-    Attributes:
-        friction: Coulomb friction coefficient between foot and floor.
-        slope: Inclination, positive uphill.
-    """
-
-    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
-    slope: Annotated[Radian, SLOPE] = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BodyFactors:
-    """A factor for each link, 1 for the walker as modelled.
-
-    Attributes:
-        torso: Factor of the torso.
-        left_femur: Factor of the left femur.
-        left_tibia: Factor of the left tibia.
-        right_femur: Factor of the right femur.
-        right_tibia: Factor of the right tibia.
-    """
-
-    torso: PositiveRatio = 1.0
-    left_femur: PositiveRatio = 1.0
-    left_tibia: PositiveRatio = 1.0
-    right_femur: PositiveRatio = 1.0
-    right_tibia: PositiveRatio = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointFactors:
-    """A factor for each actuated joint, 1 for the walker as modelled.
-
-    Attributes:
-        left_hip: Factor of the left hip.
-        right_hip: Factor of the right hip.
-        left_knee: Factor of the left knee.
-        right_knee: Factor of the right knee.
-    """
-
-    left_hip: Annotated[Ratio, NOT_NEGATIVE] = 1.0
-    right_hip: Annotated[Ratio, NOT_NEGATIVE] = 1.0
-    left_knee: Annotated[Ratio, NOT_NEGATIVE] = 1.0
-    right_knee: Annotated[Ratio, NOT_NEGATIVE] = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlantSettings:
-    """The true walker and its world; what differs from the model here, the controller does not know.
-
-    Attributes:
-        kind: Physics engine.
-        timestep: Physics step; a whole number of them makes a control period.
-        integrator: MuJoCo's integrator.
-        saturation: Whether the motors saturate at their torque limits.
-        ground: The floor.
-        mass_factor: Factors on mass and rotational inertia together, link by link.
-        damping_factor: Factors on joint damping.
-        torque_limit_factor: Factors on the motors' torque limits.
-    """
-
-    kind: Literal["mujoco"] = "mujoco"
-    timestep: Annotated[Second, POSITIVE] = 0.25e-3
-    integrator: Literal["implicitfast", "RK4", "implicit", "Euler"] = "implicitfast"
-    saturation: bool = True
-    ground: GroundSettings = dataclasses.field(default_factory=GroundSettings)
-    mass_factor: BodyFactors = dataclasses.field(default_factory=BodyFactors)
-    damping_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
-    torque_limit_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Push:
-    """A constant external force on one link, throughout one step or one window of time.
+    """An external force on one link: constant throughout a step or a window of time, or a short impulse.
 
     Attributes:
-        force: Magnitude; negative pushes against the direction.
+        force: Magnitude; negative pushes against the direction. Give this or an impulse.
+        impulse: Force times time, delivered evenly over `duration` from the start of the step or from `start`.
+        duration: Time over which an impulse is delivered.
         direction: Direction in the sagittal plane: 0 forward, pi/2 up.
         body: The link pushed.
         point: Point of attack (x, z) in the link's own frame; none for its centre of mass.
@@ -155,7 +97,9 @@ class Push:
         end: Time at which it ends.
     """
 
-    force: Newton
+    force: Annotated[float | None, Unit("N")] = None
+    impulse: Annotated[float | None, Unit("N.s")] = None
+    duration: Annotated[Second, POSITIVE] = 0.01
     direction: Radian = 0.0
     body: Body = "torso"
     point: Annotated[tuple[float, float] | None, Unit("m")] = None
@@ -193,6 +137,8 @@ class Scenario:
         gait: A name in the walker's gaits/, or a path to a .toml file.
         controller: The controller and its beliefs.
         plant: The true walker and its world.
+        sensors: What stands between the plant and the controller's eyes.
+        actuation: What stands between the controller's command and the joints.
         pushes: External forces.
         start: Offsets from the gait's first state.
     """
@@ -206,6 +152,8 @@ class Scenario:
     gait: str = "paper"
     controller: ControllerSettings = dataclasses.field(default_factory=ControllerSettings)
     plant: PlantSettings = dataclasses.field(default_factory=PlantSettings)
+    sensors: SensorSettings = dataclasses.field(default_factory=SensorSettings)
+    actuation: ActuationSettings = dataclasses.field(default_factory=ActuationSettings)
     pushes: tuple[Push, ...] = ()
     start: StartSettings = dataclasses.field(default_factory=StartSettings)
 
@@ -238,9 +186,16 @@ def _check_timestep(timestep: float, period: float) -> None:
 
 
 def _check_when(push: Push, path: str) -> None:
+    if (push.force is None) == (push.impulse is None):
+        if push.force is None:
+            raise UserError(f"{path}.force: missing; must be a finite number [N], or {path}.impulse one [N.s]")
+        raise UserError(f"{path}: force = {push.force!r} N, impulse = {push.impulse!r} N.s: must have one of them")
     window = (push.start, push.end)
-    if (push.step is None) == (window == (None, None)) or (push.step is None and None in window):
-        given = ", ".join(f"{key} = {getattr(push, key)!r}" for key in ("step", "start", "end"))
+    given = ", ".join(f"{key} = {getattr(push, key)!r}" for key in ("step", "start", "end"))
+    if push.impulse is not None:
+        if (push.step is None) == (push.start is None) or push.end is not None:
+            raise UserError(f"{path}: {given}: an impulse must have either step, or start [s], and no end")
+    elif (push.step is None) == (window == (None, None)) or (push.step is None and None in window):
         raise UserError(f"{path}: {given}: must have either step, or both start and end [s]")
     if push.start is not None and push.end is not None and push.end <= push.start:
         raise UserError(f"{path}.end = {push.end!r} s: must be after {path}.start = {push.start!r} s")

@@ -88,6 +88,43 @@ def table(settings: Any, path: str = "") -> Iterator[Setting]:
             yield from table(value, here)
 
 
+def spec_at(settings: Any, path: str) -> Spec:
+    """The specification of one leaf by its dotted path; an array may be one table longer than it is.
+
+    Args:
+        settings: Where to look.
+        path: "plant.mass_factor.torso", "pushes.0.force", "start.q_offset.4".
+
+    Raises:
+        UserError: no such leaf; the message has the nearest path.
+    """
+    cls: Any = type(settings)
+    spec: Spec | None = None
+    for key in path.split("."):
+        if spec is not None and (spec.repeated or spec.length) and key.isdecimal():
+            spec = dataclasses.replace(spec, repeated=False, length=0)
+        elif spec is None or (spec.is_table and not spec.repeated):
+            spec = specs(spec.type if spec is not None else cls).get(key)
+        else:
+            spec = None
+        if spec is None:
+            break
+    if spec is None or spec.is_table or spec.repeated or spec.length:
+        paths = list(_leaf_paths(cls, ""))
+        near = difflib.get_close_matches(path, paths, n=1, cutoff=0.4)
+        raise UserError(f"{path}: no such setting" + (f"; did you mean {near[0]}?" if near else ""))
+    return spec
+
+
+def _leaf_paths(cls: Any, path: str) -> Iterator[str]:
+    for name, spec in specs(cls).items():
+        here = join(path, name) + (".0" if spec.repeated or spec.length else "")
+        if spec.is_table:
+            yield from _leaf_paths(spec.type, here)
+        else:
+            yield here
+
+
 def as_tree(settings: Any) -> dict[str, Any]:
     """Settings as nested dicts and lists; `build` is its inverse."""
     return {name: _plain(getattr(settings, name)) for name in specs(type(settings))}

@@ -1,7 +1,7 @@
 """What one setting may hold: type, unit, range, choices and help, read from a dataclass field.
 
 Legal field types: bool, int, float, str, Literal, `T | None` with default None, fixed-length tuples of float,
-another settings dataclass, and `tuple[Dataclass, ...]`.
+tuples of any length of float or str, another settings dataclass, and `tuple[Dataclass, ...]`.
 """
 
 import dataclasses
@@ -32,7 +32,7 @@ class Spec:
         range: Legal values, None if every finite one is.
         choices: Legal words, empty if every one is.
         length: Number of values of a fixed-length tuple, 0 for a single value.
-        repeated: Whether the field holds any number of tables.
+        repeated: Whether the field holds any number of tables, or of values.
         optional: Whether None is legal.
         help: One sentence.
         default: Default value, `dataclasses.MISSING` if it must be given.
@@ -61,6 +61,8 @@ class Spec:
         noun = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}.get(self.type)
         if self.is_table:
             noun = "an array of tables" if self.repeated else "a table"
+        elif self.repeated:
+            noun = {float: "a list of numbers", str: "a list of strings"}.get(self.type, "a list")
         words = f"{self.length} numbers" if self.length else str(noun)
         if self.range is not None:
             words += f" {self.range.words}"
@@ -116,12 +118,13 @@ def leaf(value: Any, spec: Spec, path: str) -> Any:
     """The value in its field's type (an int becomes a float where one is expected), or a `UserError`."""
     if value is None and spec.optional:
         return None
-    items = value if spec.length else (value,)
-    fits = isinstance(items, list | tuple) and len(items) == (spec.length or 1)
+    many = spec.length or spec.repeated
+    items = value if many else (value,)
+    fits = isinstance(items, list | tuple) and (spec.repeated or len(items) == (spec.length or 1))
     if not fits or not all(_fits(item, spec) for item in items):
         raise UserError(f"{path} = {_shown(value, spec)}: must be {spec.legal}")
     items = tuple(spec.type(item) for item in items)
-    return items if spec.length else items[0]
+    return items if many else items[0]
 
 
 def _fits(value: Any, spec: Spec) -> bool:
@@ -151,7 +154,9 @@ def from_text(texts: Sequence[str], spec: Spec, path: str) -> Any:
     """The value of a field from the words of a command line, or a `UserError`."""
     if spec.optional and all(text.lower() == "none" for text in texts):
         return None
-    items = [_number(text, spec.type) if spec.type in (int, float) else text for text in texts]
+    items: list[Any] = [_number(text, spec.type) if spec.type in (int, float) else text for text in texts]
+    if spec.type is bool:
+        items = [{"true": True, "false": False}.get(text.lower(), text) for text in texts]
     return leaf(items if spec.length else items[0], spec, path)
 
 

@@ -45,9 +45,11 @@ class Range:
 POSITIVE = Range(low=0.0, open=True, words="above 0")
 NOT_NEGATIVE = Range(low=0.0, words="0 or above")
 AT_LEAST_ONE = Range(low=1.0, words="1 or above")
+FRACTION = Range(low=0.0, high=1.0, words="between 0 and 1")
 SLOPE = Range(low=-pi / 2, high=pi / 2, open=True, words="between -pi/2 and pi/2")
 
 Newton = Annotated[float, Unit("N")]
+Metre = Annotated[float, Unit("m")]
 Radian = Annotated[float, Unit("rad")]
 Second = Annotated[float, Unit("s")]
 Ratio = Annotated[float, Unit("ratio")]

@@ -108,7 +108,7 @@ def test_an_existing_log_is_never_overwritten(capsys, tmp_path):
 def test_a_log_that_appears_meanwhile_is_not_overwritten(capsys, tmp_path, monkeypatch):
     from sim.commands import run
 
-    monkeypatch.setattr(run, "_check_new_log", lambda path: path.write_text("precious"))
+    monkeypatch.setattr(run, "check_new_log", lambda path: path.write_text("precious"))
     assert "x.mcap" in refused(capsys, *walker("--steps", "1"))
     assert (tmp_path / "x.mcap").read_text() == "precious"
 

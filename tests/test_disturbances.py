@@ -41,3 +41,16 @@ def test_direction_is_counter_clockwise_from_forward() -> None:
 def test_pushes_that_act_together_all_act() -> None:
     pushes = (Push(force=1.0, step=1), Push(force=2.0, start=0.0, end=1.0), Push(force=3.0, step=2))
     assert [force.force[0] for force in active_forces(pushes, 0.5, 1, COM)] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.0103, 0.0004])
+def test_an_impulse_is_delivered_whole_from_the_start_of_its_step(duration: float) -> None:
+    period, began = 1e-3, 0.5  # [s]
+    push = Push(impulse=-3.0, duration=duration, step=2)
+    total = 0.0  # [N.s]
+    for k in range(400, 700):
+        step = 2 if k * period >= began else 1
+        forces = active_forces((push,), k * period, step, COM, step_began=began if step == 2 else 0.0)
+        assert not forces or k * period >= began - 1e-9
+        total += sum(force.force[0] for force in forces) * period
+    assert total == pytest.approx(-3.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from sim.recorder.fields import CHANNELS, ENUMS, LEGS, STATUSES, Kind
+from sim.recorder.fields import CHANNELS, ENUMS, LEGS, STATUSES, TABLES, Kind
 from sim.recorder.layout import layout_of, numpy_dtype
 from sim.recorder.schema import SCHEMA, channel_metadata, descriptor, full_name, message_class
 
@@ -92,7 +92,7 @@ def test_enum_codes_fit_one_byte():
 def test_schema_is_self_contained():
     files = FileDescriptorSet.FromString(SCHEMA).file
     found = {f"{file.package}.{message.name}" for file in files for message in file.message_type}
-    assert found == {full_name(channel) for channel in CHANNELS}
+    assert found == {full_name(channel) for channel in TABLES}
     assert not any(file.dependency for file in files)
 
 

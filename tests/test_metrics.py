@@ -19,7 +19,7 @@ def summary(metrics, **changes):
         outcome=Outcome.COMPLETED,
         reason=FallReason.NONE,
         detail="",
-        time_s=2.0,
+        final=plant_state(t=2.0),
         wall_s=1.0,
         torque_limits=LIMITS,
         log="x.mcap",

@@ -72,7 +72,12 @@ def test_versions_are_those_of_the_installed_distributions():
 def test_every_engine_model_and_solver_the_program_requires_is_recorded():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     required = {line.split(">")[0].split("<")[0].split("=")[0].strip() for line in project["dependencies"]}
-    without_influence = {"rich", "foxglove-schemas-protobuf", "zstandard"}  # show or pack results, change none
+    without_influence = {
+        "rich",
+        "foxglove-schemas-protobuf",
+        "zstandard",
+        "joblib",
+    }  # show or pack results, change none
     assert required - without_influence <= set(provenance.PACKAGES)
 
 

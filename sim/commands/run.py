@@ -3,6 +3,7 @@
 import re
 import sys
 import tempfile
+from argparse import Namespace
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
     if found.list:
         _print_list()
         return 0
-    scenario = load(found.scenario)
+    scenario = _scenario(found)
     if found.help:
         _parser(scenario, argv).print_help()
         return 0
@@ -43,9 +44,20 @@ def main(argv: Sequence[str]) -> int:
     if found.no_log:
         log = None
     else:
-        log = Path(found.log) if found.log is not None else _default_log(scenario)
-        _check_new_log(log)
-    return _run(scenario, log, json=found.json, quiet=found.quiet)
+        log = Path(found.log) if found.log is not None else default_log(scenario)
+        check_new_log(log)
+    return _run(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
+
+
+def _scenario(found: Namespace) -> Scenario:
+    """The scenario by name, by file, or of a trial of a campaign."""
+    if found.from_trial is None:
+        return load(found.scenario or DEFAULT)
+    if found.scenario is not None:
+        raise UserError(f"{found.scenario} and --from-trial: must be one of them; a trial brings its scenario")
+    from sim.trials.recall import stored_scenario
+
+    return stored_scenario(found.from_trial)
 
 
 def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
@@ -56,13 +68,15 @@ def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
         epilog=EPILOG,
     )
     text = f"a shipped scenario (see --list) or a scenario file (default: {DEFAULT})"
-    parser.add_argument("scenario", nargs="?", default=DEFAULT, metavar="NAME|FILE.toml", help=text)
+    parser.add_argument("scenario", nargs="?", metavar="NAME|FILE.toml", help=text)
     own = parser.add_argument_group("options")
     own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
     own.add_argument("--list", action="store_true", help="list the shipped scenarios")
     where = own.add_mutually_exclusive_group()
     where.add_argument("--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>.mcap)")
     where.add_argument("--no-log", action="store_true", help="write no log")
+    own.add_argument("--from-trial", metavar="DIR#ID", help="run a trial of cmpc trials again, to the same end")
+    own.add_argument("--viewer", action="store_true", help="show the run in MuJoCo's window, no faster than real time")
     own.add_argument("--json", action="store_true", help="print the summary as one JSON object, and no bar")
     own.add_argument("--quiet", action="store_true", help="show no progress bar")
     flags.add_settings(parser, scenario, argv)
@@ -74,7 +88,7 @@ def _print_list() -> None:
         print(f"{name:<16}{description}{' (default)' if name == DEFAULT else ''}")
 
 
-def _default_log(scenario: Scenario) -> Path:
+def default_log(scenario: Scenario) -> Path:
     """A new name in logs/, which is made when missing."""
     try:
         LOGS.mkdir(exist_ok=True)
@@ -89,7 +103,7 @@ def _default_log(scenario: Scenario) -> Path:
     return path
 
 
-def _check_new_log(path: Path) -> None:
+def check_new_log(path: Path) -> None:
     """See before the run that its log can be written and overwrites nothing."""
     try:
         if path.exists():
@@ -102,24 +116,26 @@ def _check_new_log(path: Path) -> None:
         raise UserError(f"--log {path}: cannot be written: {error.strerror}") from error
 
 
-def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool) -> int:
+def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
     from sim.compose import run_scenario
     from sim.interrupt import stop_on_signal
     from sim.progress import progress_bar
 
     with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
-        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=_announce)
-    _print_summary(summary, scenario, json=json)
+        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=announce, view=view)
+    print_summary(summary, scenario, json=json)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
 
 
-def _announce(line: str) -> None:
+def announce(line: str) -> None:
+    """Print a line for the user before something long."""
     print(line, file=sys.stderr, flush=True)
 
 
-def _print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
+def print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
+    """Print a summary as a table, or as one JSON object."""
     from sim.summary import as_json, as_table
 
     if json:

@@ -8,7 +8,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from sim.interface import ControlStep, Observation, PlantState
+from sim.interface import ControlStep, Observation, PlantState, Vector
 from sim.recorder.fields import CHANNELS, LEG_CODES, LINKS, ChannelTable, Field, Kind
 from sim.recorder.layout import HEADER, layout_of
 from sim.recorder.schema import descriptor
@@ -88,6 +88,7 @@ class TickBlock:
         observation: Observation,
         step: ControlStep,
         status: int,
+        force_error: Vector,
         tick_s: float,
     ) -> None:
         """Stage one tick; every array is copied. Arrays, then single numbers, each in table order.
@@ -98,6 +99,7 @@ class TickBlock:
             observation: What the controller saw.
             step: What it decided.
             status: Code of `step.status`.
+            force_error: Real minus expected contact force over the last hold in [N], (2,).
             tick_s: Controller wall time in [s].
         """
         row = self._values[self.count]
@@ -124,6 +126,8 @@ class TickBlock:
                 step.contact_force,
                 # /mpc
                 step.residuals,
+                # /prediction/error
+                force_error,
             ),
             out=row[: len(_ARRAYS)],
         )

@@ -1,4 +1,4 @@
-"""The one table of what a log holds each tick: channels, fields, units. Everything else is derived from it.
+"""The one table of what a log holds: channels, fields, units. Everything else is derived from it.
 
 Field names are SI and unit-free; a dotted name becomes a nested message (`u_total.left_hip`), because named
 scalars plot well in every viewer. Groups are contiguous, and a kind has one size on the wire, so that the
@@ -31,13 +31,14 @@ LEG_CODES = {leg: code for code, leg in enumerate(LEGS)}
 
 
 class Kind(Enum):
-    """What a field holds; each has one size on the wire."""
+    """What a field holds; each but a series has one size on the wire."""
 
     DOUBLE = "double"
     BOOL = "bool"
     INT32 = "sfixed32"
     LEG = "Leg"
     STATUS = "Status"
+    SERIES = "repeated double"
 
 
 ENUMS = {Kind.LEG: LEGS, Kind.STATUS: STATUSES}
@@ -153,5 +154,42 @@ TIMING = ChannelTable(
 )
 """The only channel that may differ between two runs of one scenario and seed."""
 
-CHANNELS = (PLANT_STATE, CONTROL, MPC, TIMING)
+PREDICTION_ERROR = ChannelTable(
+    "/prediction/error",
+    "PredictionError",
+    _group(
+        "contact_force",
+        _TN,
+        "N",
+        "ground reaction over the last hold minus the expected one, on the stance foot; 0 at first",
+    ),
+)
+
+CHANNELS = (PLANT_STATE, CONTROL, MPC, PREDICTION_ERROR, TIMING)
 """Every per-tick channel, in the order of their messages within a tick."""
+
+PREDICTION = ChannelTable(
+    "/prediction",
+    "Prediction",
+    (
+        *_group("y", OUTPUTS, "rad", "output expected, from now to the end of the horizon", Kind.SERIES),
+        *_group("contact_force", _TN, "N", "stance force expected, from now to the last stage", Kind.SERIES),
+        Field("period", Kind.DOUBLE, "s", "time from one value of a series to the next"),
+        Field("impact_in", Kind.INT32, "tick", "ticks to the next predicted impact, -1 if none"),
+    ),
+)
+"""What the controller expects over its horizon, at the rate of /tf."""
+
+PREDICTED_IMPACT = ChannelTable(
+    "/prediction/impact",
+    "PredictedImpact",
+    (
+        Field("foreseen", Kind.INT32, "tick", "how long before the impact it was first predicted, 0 if never"),
+        Field("first_error", Kind.INT32, "tick", "first predicted time of the impact minus the real one"),
+        Field("last_error", Kind.INT32, "tick", "last predicted time of the impact minus the real one"),
+    ),
+)
+"""At each impact: when it had been predicted for. A positive error means that it came early."""
+
+TABLES = (*CHANNELS, PREDICTION, PREDICTED_IMPACT)
+"""Every channel with messages of this project's own."""

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 
 from sim.recorder.fields import LINKS
 
@@ -24,6 +25,7 @@ class RunHeader:
         platform: Operating system, machine and Python.
         started: Wall time of the start, ISO 8601.
         link_lengths: Length of each link in [m], keyed as `LINKS`.
+        slope: Inclination of the drawn ground in [rad], positive uphill.
         attachments: File name -> (media type, content), such as the MJCF, the URDF and the gait.
     """
 
@@ -36,6 +38,7 @@ class RunHeader:
     platform: str
     started: str
     link_lengths: Mapping[str, float]
+    slope: float = 0.0
     attachments: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -66,6 +69,11 @@ class RunHeader:
             "platform": self.platform,
             "started": self.started,
             "link_lengths": json.dumps(dict(self.link_lengths), sort_keys=True),
+            "slope": json.dumps(self.slope),
+            "sha256": json.dumps(
+                {name: sha256(data).hexdigest() for name, (_, data) in self.all_attachments().items()},
+                sort_keys=True,
+            ),
         }
 
     def all_attachments(self) -> dict[str, tuple[str, bytes]]:

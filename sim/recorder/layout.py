@@ -21,6 +21,7 @@ HEADER = 31
 """Bytes of an MCAP message record before its data: opcode, length, channel id, sequence, two times."""
 
 _DEEPEST = 8  # levels of nested messages; a schema read from a file could be recursive
+_LONGEST = 2**16  # [B] of a message; a few nested ones that use each other could stand for gigabytes
 _VARINT, _FIXED64, _LENGTH, _FIXED32 = 0, 1, 2, 5
 _SCALARS = {
     FieldDescriptor.TYPE_DOUBLE: (_FIXED64, "<f8"),
@@ -94,6 +95,8 @@ def layout_of(message: Any) -> Layout:
         ValueError: a field has no fixed size (string, repeated, plain integer).
     """
     template, entries = _walk(message, "")
+    if not entries:
+        raise ValueError(f"{message.full_name} has no fields")
     names, formats, offsets = zip(*entries, strict=True)
     return Layout(template, names, formats, offsets)
 
@@ -126,6 +129,8 @@ def _walk(message: Any, prefix: str) -> tuple[bytes, list[tuple[str, str, int]]]
             body += bytes(np.dtype(form).itemsize)
         else:
             raise ValueError(f"{field.full_name} has no fixed size on the wire")
+        if len(body) > _LONGEST:
+            raise ValueError(f"{message.full_name} has more than {_LONGEST} bytes")
     return body, entries
 
 

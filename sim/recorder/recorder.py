@@ -16,17 +16,19 @@ from mcap.records import Message
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.interface import ControlStep, Observation, PlantState
+from sim.interface import ControlStep, Observation, Plan, PlantState
 from sim.outcome import RunSummary
+from sim.recorder.arrows import arrows_of, force_update
 from sim.recorder.block import TickBlock
 from sim.recorder.container import McapFile
-from sim.recorder.fields import CHANNELS, LEGS, STATUS_CODES
+from sim.recorder.fields import CHANNELS, LEGS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
 from sim.recorder.header import RunHeader
+from sim.recorder.prediction import Hindsight, horizon_message
 from sim.recorder.scene import frame_transforms, scene_update, set_time
 from sim.recorder.schema import SCHEMA, channel_metadata, closure, full_name
 
 CHUNK_TICKS = 200
-"""Ticks a chunk: about 170 KiB, and what a killed process loses at most."""
+"""Ticks a chunk: about 230 KiB, and what a killed process loses at most."""
 
 FRAME_RATE = 60.0  # [1/s] of /tf; viewers warn above it
 MOST_UNLISTED = 20
@@ -69,6 +71,8 @@ class Recorder:
         if self._period_ns <= 0:
             raise ValueError(f"period is {period} s; it must be at least 1e-9 s")
         self._femur_length = {leg: header.link_lengths[f"{leg}_femur"] for leg in LEGS}
+        self._slope = header.slope
+        self._hindsight = Hindsight()
         self._frame_every = max(1, round(1 / (FRAME_RATE * period)))
         self._extras: list[_Extra] = []
         self._unlisted: set[str] = set()
@@ -88,12 +92,16 @@ class Recorder:
             file.attachment(name, media_type, data)
         ids = [file.channel(c.topic, full_name(c), SCHEMA, channel_metadata(c)) for c in CHANNELS]
         self._block = TickBlock(CHUNK_TICKS, ids)
-        self._tf, self._scene, self._events = (
+        self._prediction, self._impact = (
+            file.channel(c.topic, full_name(c), SCHEMA, channel_metadata(c)) for c in (PREDICTION, PREDICTED_IMPACT)
+        )
+        foxglove = (("/tf", FrameTransforms), ("/scene", SceneUpdate), ("/forces", SceneUpdate), ("/events", Log))
+        self._tf, self._scene, self._forces, self._events = (
             file.channel(topic, kind.DESCRIPTOR.full_name, closure(kind.DESCRIPTOR.file), {})
-            for topic, kind in (("/tf", FrameTransforms), ("/scene", SceneUpdate), ("/events", Log))
+            for topic, kind in foxglove
         )
         self.event(0, "info", "run", header.headline)
-        self._add_extra(0, self._scene, scene_update(header.link_lengths))
+        self._add_extra(0, self._scene, scene_update(header.link_lengths, header.slope))
 
     def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
         """Log one tick.
@@ -115,9 +123,9 @@ class Recorder:
             self._note_unlisted(k, step.status)
         self._last = k
         if k % self._frame_every == 0:
-            time_ns = k * self._period_ns
-            self._add_extra(k, self._tf, frame_transforms(time_ns, state, self._femur_length))
-        self._block.add(k, state, observation, step, status, tick_s)
+            self._add_frame(k, state, step)
+        self._block.add(k, state, observation, step, status, self._hindsight.force_error(state), tick_s)
+        self._hindsight.remember(k, step)
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Log an event.
@@ -131,6 +139,8 @@ class Recorder:
         entry = Log(level=LEVELS[level], message=message, name=name)
         set_time(entry.timestamp, k * self._period_ns)
         self._add_extra(k, self._events, entry.SerializeToString(deterministic=True))
+        if name == "impact":
+            self._add_extra(k, self._impact, self._hindsight.impact(k))
 
     def result(self, summary: RunSummary) -> None:
         """Log how the run ended, as the metadata record "result".
@@ -167,6 +177,19 @@ class Recorder:
         self.event(self._last, "error", "error", f"{type(error).__name__}: {error}")
         with contextlib.suppress(UserError):  # the first error is the one to report
             self.close()
+
+    def _add_frame(self, k: int, state: PlantState, step: ControlStep) -> None:
+        """What is drawn: links, forces, and what the controller expects."""
+        time_ns = k * self._period_ns
+        self._add_extra(k, self._tf, frame_transforms(time_ns, state, self._femur_length))
+        arrows = arrows_of(state, self._slope, self._femur_length)
+        if arrows:
+            lifetime_ns = round(1.5 * self._frame_every * self._period_ns)
+            self._add_extra(k, self._forces, force_update(time_ns, arrows, lifetime_ns))
+        plan: Plan | None = getattr(step, "plan", None)  # a controller need not have one
+        if plan is not None:
+            period = self._period_ns * 1e-9
+            self._add_extra(k, self._prediction, horizon_message(plan, period, step.impact_in))
 
     def _note_unlisted(self, k: int, status: str) -> None:
         if status not in self._unlisted and len(self._unlisted) < MOST_UNLISTED:

@@ -60,11 +60,12 @@ def frame_transforms(time_ns: int, state: PlantState, femur_length: Mapping[str,
     return message.SerializeToString(deterministic=True)
 
 
-def scene_update(link_lengths: Mapping[str, float]) -> bytes:
-    """Serialised SceneUpdate: a bar a link, a ball a foot, the level ground.
+def scene_update(link_lengths: Mapping[str, float], slope: float) -> bytes:
+    """Serialised SceneUpdate: a bar a link, a ball a foot, the ground.
 
     Args:
         link_lengths: Length of each of `LINKS` in [m].
+        slope: Inclination of the ground in [rad], positive uphill; it turns about the origin.
     """
     message = SceneUpdate()
     for link in LINKS:
@@ -85,8 +86,9 @@ def scene_update(link_lengths: Mapping[str, float]) -> bytes:
             _paint(foot.color, colour)
     ground = message.entities.add(frame_id=WORLD, id="ground", frame_locked=True).cubes.add()
     ground.size.x, ground.size.y, ground.size.z = _GROUND
-    ground.pose.position.z = -ground.size.z / 2
-    ground.pose.orientation.w = 1.0
+    half = ground.size.z / 2
+    ground.pose.position.x, ground.pose.position.z = half * sin(slope), -half * cos(slope)
+    ground.pose.orientation.y, ground.pose.orientation.w = -sin(slope / 2), cos(slope / 2)
     _paint(ground.color, _GROUND_COLOUR)
     return message.SerializeToString(deterministic=True)
 

@@ -11,7 +11,7 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
-from sim.recorder.fields import CHANNELS, ENUMS, PACKAGE, ChannelTable, Field, Kind
+from sim.recorder.fields import ENUMS, PACKAGE, TABLES, ChannelTable, Field, Kind
 
 _TYPES = {
     Kind.DOUBLE: FieldDescriptorProto.TYPE_DOUBLE,
@@ -19,6 +19,7 @@ _TYPES = {
     Kind.INT32: FieldDescriptorProto.TYPE_SFIXED32,
     Kind.LEG: FieldDescriptorProto.TYPE_ENUM,
     Kind.STATUS: FieldDescriptorProto.TYPE_ENUM,
+    Kind.SERIES: FieldDescriptorProto.TYPE_DOUBLE,
 }
 
 
@@ -42,6 +43,8 @@ def _fill(message: DescriptorProto, scope: str, fields: list[tuple[str, Field]])
             _fill(nested, entry.type_name, members)
             continue
         entry.type = _TYPES[field.kind]
+        if field.kind is Kind.SERIES:
+            entry.label = FieldDescriptorProto.LABEL_REPEATED
         if field.kind in ENUMS:
             entry.type_name = f".{PACKAGE}.{field.kind.value}"
 
@@ -52,7 +55,7 @@ def _file() -> FileDescriptorProto:
         enum = file.enum_type.add(name=kind.value)
         for code, name in enumerate(names):
             enum.value.add(name=name.upper().replace("-", "_"), number=code)
-    for channel in CHANNELS:
+    for channel in TABLES:
         message = file.message_type.add(name=channel.message)
         _fill(message, f".{PACKAGE}.{channel.message}", [(f.name, f) for f in channel.fields])
     return file
@@ -63,7 +66,7 @@ _FILE = _file()
 _POOL.Add(_FILE)
 
 SCHEMA = FileDescriptorSet(file=[_FILE]).SerializeToString(deterministic=True)
-"""Serialised FileDescriptorSet of every per-tick channel, the schema data MCAP asks for."""
+"""Serialised FileDescriptorSet of every channel of our own, the schema data MCAP asks for."""
 
 
 def full_name(channel: ChannelTable) -> str:

@@ -1,0 +1,82 @@
+"""`cmpc review`: one self-contained page from a log or two, or a layout for another viewer."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from sim import flags
+from sim.errors import UserError
+
+VIEWERS = ("foxglove", "plotjuggler")
+EPILOG = """\
+  cmpc review RUN.mcap                       one run
+  cmpc review A.mcap B.mcap --out ab.html    two runs, overlaid and their difference
+  cmpc review --layout foxglove walk.json    a layout for Foxglove or Lichtblick
+  cmpc review --layout plotjuggler walk.xml  then: plotjuggler -d RUN.mcap -l walk.xml
+
+exit code: 0 done, 2 bad input
+"""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run `cmpc review`; returns the exit code."""
+    parser = flags.Parser(
+        prog="cmpc review",
+        usage="cmpc review RUN.mcap [B.mcap] [options]",
+        description="Make one HTML page that shows a run, or two: it needs no network and can be sent by mail.",
+        epilog=EPILOG,
+    )
+    parser.add_argument("-h", "--help", action="store_true", help="show this")
+    parser.add_argument("paths", nargs="*", metavar="RUN.mcap", help="a log, or two; with --layout the file to write")
+    parser.add_argument("--out", metavar="PATH", help="the page (default: beside the log, .html)")
+    parser.add_argument("--layout", choices=VIEWERS, help="write this viewer's layout instead of a page")
+    parser.add_argument("--open", action="store_const", const=True, default=None, help="open it in the browser")
+    parser.add_argument(
+        "--no-open", dest="open", action="store_const", const=False, help="do not (default: if on a terminal)"
+    )
+    found = parser.parse(argv)
+    if found.help or not found.paths:
+        parser.print_help()
+        return 0
+    if found.layout:
+        return _layout(found.layout, found.paths)
+    if len(found.paths) > 2:
+        raise UserError(f"cmpc review takes one log or two; {len(found.paths)} were given")
+    return _page([Path(path) for path in found.paths], found.out, found.open)
+
+
+def _layout(viewer: str, paths: list[str]) -> int:
+    if len(paths) != 1:
+        raise UserError(f"cmpc review --layout {viewer} takes the one file to write; {len(paths)} were given")
+    from sim.review.layouts import LAYOUTS
+
+    target = Path(paths[0])
+    try:
+        with open(target, "x", encoding="utf-8") as file:
+            file.write(LAYOUTS[viewer]())
+    except FileExistsError:
+        raise UserError(f"{target}: already exists and is never overwritten; choose another name") from None
+    except OSError as error:
+        raise UserError(f"{target}: cannot be written: {error.strerror}") from error
+    print(target)
+    return 0
+
+
+def _page(paths: list[Path], out: str | None, wanted: bool | None) -> int:
+    from sim.log_reader import salvage
+    from sim.logs.text import printable
+    from sim.review.page import write_page
+
+    logs = [salvage(path) for path in paths]
+    for log in logs:
+        for at, text in log.problems[:3]:
+            print(f"cmpc: warning: {log.path} is damaged at byte {at}: {printable(text)}", file=sys.stderr)
+    stem = paths[0].with_suffix("") if len(paths) == 1 else paths[0].with_name(f"{paths[0].stem}-{paths[1].stem}")
+    target = Path(out) if out is not None else stem.with_name(stem.name + ".html")
+    write_page(logs, target)
+    print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
+    if wanted or (wanted is None and sys.stdout.isatty()):
+        import webbrowser
+
+        webbrowser.open(target.resolve().as_uri())
+    return 0

@@ -1,0 +1,144 @@
+"""Settings of the true walker and its world: integration, ground, modelling errors."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from sim.tables import BodyFactors, BodyLengths, BodyMasses, JointFactors, JointInertias, JointTorques, LimbFactors
+from sim.units import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, SLOPE, Metre, PositiveRatio, Radian, Ratio, Second, Unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ramp:
+    """A stretch of ground with an inclination of its own; behind it the ground goes on at the new height.
+
+    Attributes:
+        start: Where it begins.
+        length: Its horizontal length.
+        slope: Inclination, positive uphill, added to what is there.
+    """
+
+    slope: Annotated[Radian, SLOPE]
+    start: Metre = 1.0
+    length: Annotated[Metre, POSITIVE] = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ledge:
+    """A step in the ground, with a vertical face.
+
+    Attributes:
+        height: Rise; negative for a step down.
+        position: Where it is.
+        count: Number of equal ledges, a stair.
+        spacing: Distance from one to the next.
+    """
+
+    height: Metre
+    position: Metre = 1.0
+    count: Annotated[int, Unit("ledges"), AT_LEAST_ONE] = 1
+    spacing: Annotated[Metre, POSITIVE] = 0.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patch:
+    """A stretch of ground with a friction of its own.
+
+    Attributes:
+        friction: Coulomb friction coefficient on it.
+        start: Where it begins.
+        length: Its length.
+    """
+
+    friction: Annotated[Ratio, NOT_NEGATIVE]
+    start: Metre = 1.0
+    length: Annotated[Metre, POSITIVE] = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoughSettings:
+    """Random rough ground: heights drawn anew for each seed, joined by straight facets.
+
+    Attributes:
+        height: Heights are uniform between minus and plus this; 0 for smooth ground.
+        spacing: Horizontal length of a facet.
+        start: Where the roughness begins.
+    """
+
+    height: Annotated[Metre, NOT_NEGATIVE] = 0.0
+    spacing: Annotated[Metre, POSITIVE] = 0.1
+    start: Metre = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundSettings:
+    """The floor.
+
+    Attributes:
+        friction: Coulomb friction coefficient between foot and floor.
+        slope: Inclination, positive uphill. The walker starts in the gait's posture, whose rear foot is then above
+            the ground or in it; a ramp that begins further on has no such start.
+        stiffness_factor: Factor on the stiffness of the contact.
+        damping_factor: Factor on the damping of the contact.
+        ramps: Stretches with an inclination of their own.
+        ledges: Steps up and down.
+        patches: Stretches with a friction of their own; where two overlap the later one counts.
+        rough: Random rough ground.
+    """
+
+    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
+    slope: Annotated[Radian, SLOPE] = 0.0
+    stiffness_factor: PositiveRatio = 1.0
+    damping_factor: PositiveRatio = 1.0
+    ramps: tuple[Ramp, ...] = ()
+    ledges: tuple[Ledge, ...] = ()
+    patches: tuple[Patch, ...] = ()
+    rough: RoughSettings = dataclasses.field(default_factory=RoughSettings)
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether one infinite plane is all there is."""
+        return not (self.ramps or self.ledges or self.patches or self.rough.height)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantSettings:
+    """The true walker and its world; what differs from the model here, the controller does not know.
+
+    Attributes:
+        kind: Physics engine.
+        timestep: Physics step; a whole number of them makes a control period.
+        integrator: MuJoCo's integrator.
+        saturation: Whether the motors saturate at their torque limits.
+        ground: The floor.
+        mass_factor: Factors on the links' masses.
+        mass_offset: Masses added to the links, after the factor.
+        inertia_follows_mass: Whether a link's rotational inertia changes in proportion to its mass.
+        inertia_factor: Factors on rotational inertia about the centre of mass, whatever the mass does.
+        com_offset_along: Displacement of the centres of mass along the links, positive away from the hip
+            (the torso's: towards the head).
+        com_offset_across: Displacement across the links, along x of the link's own frame: forward for the
+            torso held upright, backward for a leg that hangs down.
+        length_factor: Factors on the lengths of femurs and tibias; centres of mass stay where they are.
+        damping_factor: Factors on joint damping.
+        joint_friction: Coulomb friction in the joints.
+        armature: Rotor inertia reflected to the joints.
+        torque_limit_factor: Factors on the motors' torque limits.
+    """
+
+    kind: Literal["mujoco"] = "mujoco"
+    timestep: Annotated[Second, POSITIVE] = 0.25e-3
+    integrator: Literal["implicitfast", "RK4", "implicit", "Euler"] = "implicitfast"
+    saturation: bool = True
+    ground: GroundSettings = dataclasses.field(default_factory=GroundSettings)
+    mass_factor: BodyFactors = dataclasses.field(default_factory=BodyFactors)
+    mass_offset: BodyMasses = dataclasses.field(default_factory=BodyMasses)
+    inertia_follows_mass: bool = True
+    inertia_factor: BodyFactors = dataclasses.field(default_factory=BodyFactors)
+    com_offset_along: BodyLengths = dataclasses.field(default_factory=BodyLengths)
+    com_offset_across: BodyLengths = dataclasses.field(default_factory=BodyLengths)
+    length_factor: LimbFactors = dataclasses.field(default_factory=LimbFactors)
+    damping_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
+    joint_friction: JointTorques = dataclasses.field(default_factory=JointTorques)
+    armature: JointInertias = dataclasses.field(default_factory=JointInertias)
+    torque_limit_factor: JointFactors = dataclasses.field(default_factory=JointFactors)

@@ -1,0 +1,176 @@
+"""From the plant's settings to MuJoCo's model: reads the MJCF and applies every modelling error to it."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from sim.errors import UserError
+from sim.interface import FEET, JOINTS
+from sim.plant_settings import PlantSettings
+from sim.terrain import Terrain
+
+BODIES = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
+LEGS = ("left", "right")
+
+INTEGRATORS = {
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+}
+
+_THICKNESS = 2.0  # [m] of the boxes that uneven ground is made of
+_WIDTH = 2.0  # [m], across the plane of motion
+_COLOURS = ((0.86, 0.87, 0.88, 1.0), (0.78, 0.80, 0.82, 1.0))
+_REFSAFE = 2.0  # MuJoCo raises the contact's time constant to this many timesteps without a word
+
+Part = Callable[[str, str], "mujoco.MjsElement"]
+
+
+def build_spec(settings: PlantSettings, model_path: Path, terrain: Terrain | None = None) -> mujoco.MjSpec:
+    """Read the MJCF and apply the plant's settings and modelling errors to it.
+
+    Args:
+        settings: Integration, saturation, ground, modelling errors.
+        model_path: MJCF file of the walker.
+        terrain: Shape of the ground; laid out from the settings with seed 0 if none is given.
+
+    Raises:
+        UserError: the file is missing or unreadable, lacks a part of the walker, or a setting is not legal.
+    """
+    if not model_path.is_file():
+        raise UserError(f"model file {model_path}: does not exist")
+    try:
+        spec = mujoco.MjSpec.from_file(str(model_path))
+    except ValueError as error:
+        raise UserError(f"model file {model_path}: {str(error).splitlines()[0]}") from error
+    if settings.integrator not in INTEGRATORS:
+        legal = ", ".join(INTEGRATORS)
+        raise UserError(f'plant.integrator = "{settings.integrator}": must be one of {legal}')
+    spec.option.timestep = settings.timestep
+    spec.option.integrator = INTEGRATORS[settings.integrator]
+
+    def part(kind: str, name: str) -> mujoco.MjsElement:
+        found = getattr(spec, kind)(name)
+        if found is None:
+            raise UserError(f'model file {model_path}: has no {kind} named "{name}"')
+        return found
+
+    _set_contact(settings, part)
+    if settings.ground.is_plane:
+        half = settings.ground.slope / 2  # [rad], about (0, -1, 0) as every angle
+        part("body", "ground").quat = [math.cos(half), 0.0, -math.sin(half), 0.0]
+    else:
+        _lay_ground(spec, part, terrain or Terrain(settings.ground, seed=0, length=20.0))
+    _set_links(settings, part)
+    _set_joints(settings, part)
+    return spec
+
+
+def _set_contact(settings: PlantSettings, part: Part) -> None:
+    """Friction, and stiffness and damping of the foot's contact.
+
+    MuJoCo's (time constant tc, damping ratio d) mean damping ~ 1/tc and stiffness ~ 1/(tc d)^2.
+    """
+    ground = settings.ground
+    for name in ("floor", *FEET):
+        geom = part("geom", name)
+        geom.friction = [ground.friction, *geom.friction[1:]]
+    for name in FEET:
+        geom = part("geom", name)
+        time_constant, damping_ratio = geom.solref.tolist()
+        time_constant /= ground.damping_factor
+        if time_constant < _REFSAFE * settings.timestep:
+            most = geom.solref[0] / (_REFSAFE * settings.timestep)
+            raise UserError(
+                f"plant.ground.damping_factor = {ground.damping_factor:g}: must be at most {most:g} with "
+                f"plant.timestep = {settings.timestep:g} s"
+            )
+        geom.solref = [time_constant, damping_ratio * ground.damping_factor / math.sqrt(ground.stiffness_factor)]
+
+
+def _lay_ground(spec: mujoco.MjSpec, part: Part, terrain: Terrain) -> None:
+    """Replace the plane by one box a facet; the sensors then look at the whole ground body.
+
+    The face of a step is the end of its box. A sphere meets boxes analytically, so nothing but the facets'
+    corners differs from a plane.
+    """
+    floor, foot, ground = part("geom", "floor"), part("geom", FEET[0]), part("body", "ground")
+    for number, facet in enumerate(terrain.facets):
+        cos, sin = math.cos(facet.angle), math.sin(facet.angle)
+        middle = 0.5 * (facet.x0 + facet.x1)
+        down = _THICKNESS / 2
+        ground.add_geom(
+            name=f"floor_{number}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.5 * (facet.x1 - facet.x0) / cos, _WIDTH / 2, down],
+            pos=[middle + down * sin, 0.0, facet.height(middle) - down * cos],
+            quat=[math.cos(facet.angle / 2), 0.0, -math.sin(facet.angle / 2), 0.0],
+            contype=floor.contype,
+            conaffinity=floor.conaffinity,
+            condim=foot.condim,
+            priority=foot.priority + 1,  # the facet's friction governs, with the foot's stiffness
+            friction=[facet.friction, *foot.friction[1:]],
+            solref=foot.solref,
+            solimp=foot.solimp,
+            rgba=_COLOURS[number % 2],
+        )
+    for sensor in spec.sensors:
+        if sensor.objname == floor.name:
+            sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_BODY, ground.name
+    spec.delete(floor)
+
+
+def _set_links(settings: PlantSettings, part: Part) -> None:
+    """Mass, inertia, centre of mass and length of every link."""
+    for name in BODIES:
+        body = part("body", name)
+        offset = getattr(settings.mass_offset, name)
+        factor = getattr(settings.mass_factor, name) + offset / float(body.mass)
+        if factor <= 0.0:
+            raise UserError(
+                f"plant.mass_offset.{name} = {offset:g} kg: must leave a mass above 0; the link has "
+                f"{float(body.mass) * getattr(settings.mass_factor, name):g} kg"
+            )
+        body.mass *= factor
+        inertia_factor = getattr(settings.inertia_factor, name)
+        body.inertia = body.inertia * ((factor if settings.inertia_follows_mass else 1.0) * inertia_factor)
+        across, along = getattr(settings.com_offset_across, name), getattr(settings.com_offset_along, name)
+        body.ipos = body.ipos + np.array([across, 0.0, along])
+    for leg in LEGS:
+        _stretch_femur(leg, getattr(settings.length_factor, f"{leg}_femur"), part)
+        _stretch_tibia(leg, getattr(settings.length_factor, f"{leg}_tibia"), part)
+
+
+def _stretch_femur(leg: str, factor: float, part: Part) -> None:
+    _stretch_geom(part("geom", f"{leg}_femur"), factor)
+    tibia = part("body", f"{leg}_tibia")
+    tibia.pos = tibia.pos * [1.0, 1.0, factor]
+
+
+def _stretch_tibia(leg: str, factor: float, part: Part) -> None:
+    _stretch_geom(part("geom", f"{leg}_tibia"), factor)
+    for kind, name in (("geom", f"{leg}_foot"), ("geom", f"{leg}_toe"), ("site", f"{leg}_foot")):
+        element = part(kind, name)
+        element.pos = element.pos * [1.0, 1.0, factor]
+
+
+def _stretch_geom(geom: "mujoco.MjsElement", factor: float) -> None:
+    geom.fromto = geom.fromto * [1.0, 1.0, factor, 1.0, 1.0, factor]
+
+
+def _set_joints(settings: PlantSettings, part: Part) -> None:
+    """Damping, friction and reflected inertia of every actuated joint; limits of its motor."""
+    for name in JOINTS:
+        joint, actuator = part("joint", name), part("actuator", name)
+        joint.damping = joint.damping * getattr(settings.damping_factor, name)
+        joint.frictionloss += getattr(settings.joint_friction, name)
+        joint.armature += getattr(settings.armature, name)
+        factor = getattr(settings.torque_limit_factor, name)
+        actuator.forcerange = actuator.forcerange * factor
+        actuator.ctrlrange = actuator.ctrlrange * factor
+        if not settings.saturation:
+            actuator.forcelimited = actuator.ctrllimited = False

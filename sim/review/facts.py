@@ -1,0 +1,160 @@
+"""What the review page says in words: headline, summary table, scenario, versions."""
+
+import math
+import tomllib
+from typing import Any
+
+from sim.logs.frames import Run, parsed
+from sim.logs.text import printable
+from sim.scenario import Scenario, from_toml
+
+MOST_EVENTS = 500
+LONGEST_TEXT = 20_000  # characters of the scenario that are shown
+
+
+def scenario_of(run: Run) -> Scenario | None:
+    """The scenario of a log, None where it is missing or of another version of the program."""
+    try:
+        return from_toml(run.scenario_toml) if run.scenario_toml else None
+    except ValueError:  # a UserError is one
+        return None
+
+
+def headline(run: Run) -> dict[str, str]:
+    """Name, controller, outcome and detail of a run."""
+    scenario, result = scenario_of(run), run.result
+    damage = [f"damaged at byte {at}: {text}" for at, text in run.log.problems[:3]]
+    if not run.log.complete and not damage:
+        damage = ["the log was not finished: the run was killed, or the file is cut off"]
+    if "recovery" in run.log.metadata:
+        damage.append("recovered; lost: " + run.log.metadata["recovery"].get("lost", ""))
+    name = scenario.name if scenario else run.about.get("scenario", run.log.path.stem)
+    return {
+        "name": printable(name),
+        "description": printable(scenario.description if scenario else ""),
+        "controller": printable(scenario.controller.kind if scenario else ""),
+        "outcome": printable(result.get("outcome", "not finished")),
+        "detail": printable(result.get("fall_reason") or result.get("message") or ""),
+        "file": printable(run.log.path.name),
+        "damage": printable("; ".join(damage)),
+    }
+
+
+def summary(run: Run) -> list[tuple[str, str]]:
+    """Figures of the run, name and text."""
+    r = run.result
+    rows = [
+        ("steps", _text(r.get("steps"), "{:.0f}")),
+        ("simulated time", _text(r.get("time_s"), "{:.3f} s")),
+        ("step time", _text(r.get("step_time_s"), "{:.3f} s")),
+        ("step length", _text(r.get("step_length_m"), "{:.3f} m")),
+        ("mean speed", _text(_over(r.get("step_length_m"), r.get("step_time_s")), "{:.3f} m/s")),
+    ]
+    limits = limit_of_torque(run)
+    peaks = r.get("peak_torque_Nm")
+    for joint, peak in peaks.items() if isinstance(peaks, dict) else ():
+        limit = f" of {limits[joint]:g}" if joint in limits else ""
+        rows.append((f"peak torque, {joint.replace('_', ' ')}", _text(peak, "{:.1f}") + limit + " N·m"))
+    rows += [
+        ("worst |F_T / F_N|", _text(r.get("friction_ratio_max"), "{:.3f}")),
+        ("output error, RMS", _text(r.get("output_error_rms_rad"), "{:.4f} rad")),
+        ("MPC torque / ZD+PD torque", _text(r.get("mpc_torque_share"), "{:.3f}")),
+        ("solve time", _times(r.get("solve_ms"))),
+        ("tick time", _times(r.get("tick_ms"))),
+        ("fall-backs to ZD+PD", _text(r.get("fallbacks"), "{:.0f} ticks")),
+        ("softening of contact rows", _text(r.get("slack_max_N"), "{:.3g} N")),
+        ("speed", _text(r.get("realtime_factor"), "{:.2f} × real time")),
+    ]
+    return [(printable(name), text) for name, text in rows]
+
+
+def provenance(run: Run) -> list[tuple[str, str]]:
+    """Where the run came from."""
+    about = run.about
+    versions = parsed(about.get("versions", "{}"))
+    words = ", ".join(f"{k} {v}" for k, v in versions.items()) if isinstance(versions, dict) else ""
+    dirty = " with changes" if about.get("git_dirty") == "true" else ""
+    rows = [
+        ("file", run.log.path.name),
+        ("seed", about.get("seed", "")),
+        ("started", about.get("started", "")),
+        ("revision", about.get("git_revision", "")[:12] + dirty),
+        ("versions", words),
+        ("platform", about.get("platform", "")),
+    ]
+    return [(name, printable(text, 600)) for name, text in rows if text]
+
+
+def scenario_text(run: Run) -> str:
+    """The scenario as TOML, cut where it is too long."""
+    return run.scenario_toml[:LONGEST_TEXT]
+
+
+def events(run: Run) -> list[dict[str, Any]]:
+    """The first events, for marks and table."""
+    return [
+        {"t": e.t, "level": e.level, "name": printable(e.name, 40), "message": printable(e.message)}
+        for e in run.events[:MOST_EVENTS]
+    ]
+
+
+def limit_of_torque(run: Run) -> dict[str, float]:
+    """Torque limit of each joint in [N.m]; joints without one are missing."""
+    found = run.result.get("torque_limit_Nm")
+    pairs = found.items() if isinstance(found, dict) else ()
+    return {str(name): float(v) for name, v in pairs if isinstance(v, int | float) and math.isfinite(v)}
+
+
+def limits(run: Run) -> dict[str, list[dict[str, Any]]]:
+    """Limit lines by the name that a panel asks for."""
+    found: dict[str, list[dict[str, Any]]] = {
+        joint: [{"value": v, "label": "limit"}, {"value": -v, "label": ""}] for joint, v in limit_of_torque(run).items()
+    }
+    scenario = scenario_of(run)
+    if scenario:
+        believed, real = scenario.controller.friction, scenario.plant.ground.friction
+        found["friction"] = [{"value": real, "label": "μ" if believed == real else "μ of the ground"}]
+        if believed != real:
+            found["friction"].append({"value": believed, "label": "μ assumed"})
+    return found
+
+
+def geometry(run: Run) -> dict[str, Any]:
+    """Lengths of the links in [m] and the slope of the ground in [rad], for the figure."""
+    lengths = parsed(run.about.get("link_lengths", "{}"))
+    lengths = lengths if isinstance(lengths, dict) else {}
+    slope = parsed(run.about.get("slope", "0"))
+    return {
+        "torso": _length(lengths.get("torso"), 0.63),
+        "femur": _length(lengths.get("left_femur"), 0.4),
+        "tibia": _length(lengths.get("left_tibia"), 0.4),
+        "slope": float(slope) if isinstance(slope, int | float) and abs(slope) < math.pi / 2 else 0.0,
+    }
+
+
+def controller_of(run: Run) -> str:
+    """Kind of the controller, "" if unknown; read even from a scenario of another version."""
+    try:
+        kind = tomllib.loads(run.scenario_toml).get("controller", {}).get("kind", "")
+    except (ValueError, AttributeError):
+        kind = ""
+    return printable(kind)
+
+
+def _length(value: Any, default: float) -> float:
+    return float(value) if isinstance(value, int | float) and 0.01 < value < 10.0 else default
+
+
+def _text(value: Any, pattern: str) -> str:
+    known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return pattern.format(float(value)) if known else "–"
+
+
+def _over(a: Any, b: Any) -> float | None:
+    return a / b if isinstance(a, int | float) and isinstance(b, int | float) and b else None
+
+
+def _times(value: Any) -> str:
+    if not isinstance(value, dict):
+        return "–"
+    return ", ".join(f"{printable(k, 20)} {_text(v, '{:.2f}')}" for k, v in value.items()) + " ms"

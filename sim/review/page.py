@@ -1,0 +1,193 @@
+"""One HTML page from a log, or from two: everything in it, nothing fetched, nothing in it executed but ours."""
+
+import base64
+import html
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.errors import UserError
+from sim.log_reader import Log
+from sim.logs.frames import Run, run_of
+from sim.recorder.fields import LEGS, OUTPUTS
+from sim.review import facts
+from sim.review.panels import PANELS, Panel
+from sim.review.signals import Signals, decimated, difference, signals_of
+
+MOST_SAMPLES = 12_000
+"""Samples of a signal; 10 s are there tick by tick. Two logs share them."""
+MOST_FRAMES = 6_000
+MOST_PUSHES = 3
+FRAME_RATE = 100.0  # [1/s] of the figure
+SCRIPTS = ("plot.js", "figure.js", "app.js")
+
+
+def page(logs: list[Log]) -> str:
+    """The page of one log or two.
+
+    Args:
+        logs: One or two, perhaps truncated or damaged; the page says so.
+
+    Raises:
+        UserError: a log has nothing to show.
+    """
+    runs = [run_of(log) for log in logs]
+    signals = [signals_of(run) for run in runs]
+    panels = _panels(signals)
+    keys = {line.key for panel in panels for line in panel.lines} | {panel.x for panel in panels if panel.x}
+    samples = MOST_SAMPLES // len(runs)
+    data: dict[str, Any] = {
+        "panels": [_panel(panel) for panel in panels],
+        "runs": [_run(run, one, keys, samples) for run, one in zip(runs, signals, strict=True)],
+    }
+    if len(runs) == 2:
+        gap = difference(*signals)
+        if not gap.tick.size:
+            raise UserError(f"{logs[0].path} and {logs[1].path} have no tick in common")
+        data["difference"] = _samples(gap, keys, samples)
+    names = " | ".join(run["head"]["name"] for run in data["runs"])
+    return _html(f"{names} – C-MPC log review", data)
+
+
+def _panels(signals: list[Signals]) -> list[Panel]:
+    """Panels with something in them: a plain ZD+PD run has no MPC, an undisturbed one no push."""
+
+    def has_data(key: str) -> bool:
+        return any(bool(np.nan_to_num(one.columns[key]).any()) for one in signals)
+
+    return [panel for panel in PANELS if any(has_data(line.key) for line in panel.lines)]
+
+
+def _panel(panel: Panel) -> dict[str, Any]:
+    lines = [{"key": x.key, "label": x.label, "colour": x.colour, "horizon": x.horizon} for x in panel.lines]
+    names = ("name", "title", "unit", "x", "x_unit", "limits", "clip", "log", "note")
+    return {**{name: getattr(panel, name) for name in names}, "lines": lines}
+
+
+def _run(run: Run, signals: Signals, keys: set[str], samples: int) -> dict[str, Any]:
+    return {
+        "head": facts.headline(run) | {"controller": facts.controller_of(run)},
+        "summary": facts.summary(run),
+        "provenance": facts.provenance(run),
+        "scenario": facts.scenario_text(run),
+        "events": facts.events(run),
+        "limits": facts.limits(run),
+        "geometry": facts.geometry(run),
+        "end": float(signals.t[-1]),
+        "data": _samples(signals, keys, samples),
+        "frames": _frames(run, signals),
+        "horizon": _horizon(run),
+    }
+
+
+def _samples(signals: Signals, keys: set[str], most: int) -> dict[str, Any]:
+    t, columns = decimated(signals, most)
+    return {"t": _floats(t), "columns": {key: _floats(columns[key]) for key in sorted(keys)}}
+
+
+def _frames(run: Run, signals: Signals) -> dict[str, Any]:
+    """What the figure draws: angles, hip, contact forces, and pushes as (tail x, tail z, force x, force z)."""
+    span = float(signals.t[-1] - signals.t[0])
+    count = max(1, min(MOST_FRAMES, len(signals.t), round(span * FRAME_RATE)))
+    at = np.unique(np.linspace(0, len(signals.t) - 1, count).astype(np.int64))
+    names = [f"q.{name}" for name in ("left_hip", "right_hip", "left_knee", "right_knee", "torso")]
+    names += [
+        "hip.x",
+        "hip.z",
+        *(f"force.{leg}.{axis}" for leg in LEGS for axis in ("tangential", "normal")),
+        "stance",
+    ]
+    rows = np.column_stack([signals.columns[name][at] for name in names])
+    t = signals.t[at]
+    return {"t": _floats(t), "width": len(names), "rows": _floats(rows.ravel()), "pushes": _pushes(run)}
+
+
+def _pushes(run: Run) -> dict[str, Any]:
+    rows, times = [], []
+    for time_ns, scene in run.log.messages("/forces") if "/forces" in run.log.channels else ():
+        for entity in [e for e in scene.entities if e.id.startswith("push")][:MOST_PUSHES]:
+            if not entity.arrows:
+                continue
+            force = {note.key: note.value for note in entity.metadata}
+            tail = entity.arrows[0].pose.position
+            times.append(time_ns * 1e-9)
+            rows.append([tail.x, tail.z, _number(force.get("x [N]", "")), _number(force.get("z [N]", ""))])
+    return {"t": _floats(np.array(times)), "rows": _floats(np.array(rows).ravel())}
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
+
+
+def _horizon(run: Run) -> dict[str, Any] | None:
+    """The MPC's predictions as one array (time, series, stage)."""
+    frame = run.frames["/prediction"] if "/prediction" in run.frames else None
+    if frame is None or not len(frame.t):
+        return None
+    series = [f"y.{name}" for name in OUTPUTS] + ["contact_force.normal", "contact_force.tangential"]
+    stages = 0
+    while f"y.{OUTPUTS[0]}[{stages}]" in frame and stages < 200:
+        stages += 1
+    blank = np.full(len(frame.t), np.nan)
+    cube = np.array(
+        [[frame[f"{s}[{k}]"] if f"{s}[{k}]" in frame else blank for k in range(stages)] for s in series]
+    )  # (series, stage, time)
+    keep = max(1, -(-len(frame.t) // MOST_FRAMES))
+    return {
+        "t": _floats(frame.t[::keep]),
+        "series": [*OUTPUTS, "normal", "tangential"],
+        "stages": stages,
+        "period": float(frame["period"][0]) if "period" in frame else 0.0,
+        "values": _floats(cube.transpose(2, 0, 1)[::keep].ravel()),
+    }
+
+
+def _floats(values: Any) -> str:
+    """Little-endian float32 as base64; JavaScript reads it as a Float32Array."""
+    return base64.b64encode(np.asarray(values).astype("<f4").tobytes()).decode("ascii")
+
+
+def _html(title: str, data: dict[str, Any]) -> str:
+    folder = files("sim.review") / "page"
+    text = json.dumps(_finite(data), ensure_ascii=False, allow_nan=False)
+    text = text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    parts = {
+        "TITLE": html.escape(title),
+        "STYLE": (folder / "style.css").read_text(encoding="utf-8"),
+        "SCRIPT": "\n".join((folder / name).read_text(encoding="utf-8") for name in SCRIPTS),
+        "DATA": text,
+    }
+    out = (folder / "page.html").read_text(encoding="utf-8")
+    for name, part in parts.items():  # data last: nothing in it is looked at again
+        out = out.replace(f"<!--{name}-->", part, 1)
+    return out
+
+
+def _finite(value: Any) -> Any:
+    """Numbers that JSON does not have become null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def write_page(logs: list[Log], target: Path) -> None:
+    """Write the page; an existing page of that name is replaced.
+
+    Raises:
+        UserError: a log has nothing to show, or the page cannot be written.
+    """
+    text = page(logs)
+    if target.is_dir() or target.suffix == ".mcap":
+        raise UserError(f"--out {target}: must be the name of an .html file")
+    try:
+        target.write_text(text, encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise UserError(f"--out {target}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,276 @@
+"use strict";
+/* One plot: lines on a canvas below, cursor and dots on a canvas above. Knows nothing of runs or playing. */
+
+const TAU = 2 * Math.PI;
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+
+function floats(text) {
+  const raw = atob(text), bytes = new Uint8Array(raw.length);
+  for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+  return new Float32Array(bytes.buffer);
+}
+
+/* Index of the last time at or before t; 0 if there is none. */
+function before(times, t) {
+  let low = 0, high = times.length;
+  while (low < high) { const mid = (low + high) >> 1; if (times[mid] <= t) low = mid + 1; else high = mid; }
+  return Math.max(0, low - 1);
+}
+
+function number(value) {
+  if (!Number.isFinite(value)) return "–";
+  if (Number.isInteger(value) && Math.abs(value) < 1e6) return String(value).replace("-", "−");
+  const size = Math.abs(value);
+  if (size >= 1e5 || (size < 1e-3 && size > 0)) return value.toExponential(2).replaceAll("-", "−").replace("e+", "e");
+  return value.toFixed(size >= 100 ? 1 : size >= 10 ? 2 : size >= 1 ? 3 : 4).replace("-", "−");
+}
+
+function ticks(low, high, wanted) {
+  const raw = (high - low) / Math.max(1, wanted), power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= raw) || raw, out = [];
+  for (let v = Math.ceil(low / step) * step; v <= high + step * 1e-6 && out.length < 50; v += step) out.push(Math.abs(v) < step * 1e-6 ? 0 : v);
+  return { values: out, digits: Math.min(8, Math.max(0, -Math.floor(Math.log10(step) + 1e-9))) };
+}
+
+/* A canvas in CSS pixels, sharp on any screen. */
+function sharp(canvas) {
+  const ratio = window.devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
+  if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(h * ratio)) {
+    canvas.width = Math.round(w * ratio); canvas.height = Math.round(h * ratio);
+  }
+  const g = canvas.getContext("2d");
+  g.setTransform(ratio, 0, 0, ratio, 0, 0); g.clearRect(0, 0, w, h);
+  return [g, w, h];
+}
+
+const GUTTER = { left: 46, right: 8, top: 6, bottom: 18 };
+
+class Plot {
+  /* panel: see sim/review/panels.py; app: time, view, sources. */
+  constructor(panel, app, host) {
+    this.panel = panel; this.app = app; this.hidden = new Set();
+    const card = document.createElement("article"); card.className = "card"; card.id = "plot-" + panel.name; card.title = panel.note;
+    const title = document.createElement("h2"); title.textContent = panel.title + " ";
+    if (panel.unit) { const unit = document.createElement("span"); unit.textContent = "[" + panel.unit + "]"; title.append(unit); }
+    this.legend = document.createElement("div"); this.legend.className = "legend";
+    this.box = document.createElement("div"); this.box.className = "plot";
+    this.base = document.createElement("canvas"); this.top = document.createElement("canvas");
+    this.base.setAttribute("role", "img"); this.base.setAttribute("aria-label", panel.title);
+    this.box.append(this.base, this.top); card.append(title, this.legend, this.box); host.append(card);
+    this.card = card; this.relabel(); this.listen();
+  }
+
+  /* Lines of all sources: {source, line, x, y}. */
+  lines() {
+    const out = [];
+    this.app.sources().forEach((source, order) => this.panel.lines.forEach((line) => {
+      const y = source.columns[line.key];
+      if (y) out.push({ source, order, line, x: this.panel.x ? source.columns[this.panel.x] : source.t, y });
+    }));
+    return out;
+  }
+
+  relabel() {
+    this.legend.textContent = ""; this.labels = [];
+    const many = this.app.sources().length > 1;
+    for (const one of this.lines()) {
+      const id = one.order + one.line.key, item = document.createElement("button"); item.type = "button";
+      const swatch = document.createElement("i"), value = document.createElement("b");
+      swatch.style.borderColor = `var(--${one.line.colour})`; if (one.order) swatch.className = "second";
+      item.append(swatch, one.line.label + (many ? " " + one.source.name : ""), value);
+      item.classList.toggle("off", this.hidden.has(id));
+      item.onclick = () => { if (!this.hidden.delete(id)) this.hidden.add(id); item.classList.toggle("off"); this.draw(); this.point(); };
+      this.legend.append(item); this.labels.push({ one, value, id });
+    }
+  }
+
+  shown() { return this.lines().filter((one) => !this.hidden.has(one.order + one.line.key)); }
+
+  /* Sorted values of one source in view. */
+  values(lines, order) {
+    const { from, to } = this.app.view, found = [];
+    for (const { source, y } of lines.filter((one) => one.order === order)) {
+      const a = before(source.t, from), b = before(source.t, to);
+      for (let i = a; i <= b; i++) if (Number.isFinite(y[i])) found.push(y[i]);
+    }
+    return Float32Array.from(found).sort();
+  }
+
+  /* Range of the vertical axis. Clipped, rare peaks leave it, and a second run that blows up does not flatten the first. */
+  range(lines) {
+    const clip = this.panel.clip && this.app.clip;
+    let low = Infinity, high = -Infinity;
+    for (const order of [0, 1]) {
+      const all = this.values(lines, order);
+      if (!all.length) continue;
+      let [a, b] = [all[0], all[all.length - 1]];
+      if (clip) {
+        const [p, q] = [all[Math.floor(0.01 * all.length)], all[Math.ceil(0.99 * (all.length - 1))]], room = 0.35 * (q - p);
+        [a, b] = [Math.max(a, p - room), Math.min(b, q + room)];
+        if (order && high > low) [a, b] = [Math.max(a, 2 * low - high), Math.min(b, 2 * high - low)];
+      }
+      [low, high] = [Math.min(low, a), Math.max(high, b)];
+    }
+    if (!(high >= low)) return [0, 1];
+    const bound = clip && this.panel.limits !== "friction" && this.limits().length ? 4 * Math.abs(this.limits()[0].value) : Infinity;
+    [low, high] = [Math.max(low, -bound), Math.min(high, bound)];
+    for (const limit of this.limits()) if (this.panel.limits === "friction" || Math.max(-low, high) > 0.5 * Math.abs(limit.value)) {
+      low = Math.min(low, 1.06 * limit.value); high = Math.max(high, 1.06 * limit.value);
+    }
+    if (this.panel.log) return [Math.max(low, high * 1e-6, 1e-6) * 0.8, high * 1.25];
+    if (this.panel.limits === "friction") low = 0;
+    const room = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
+    return [low - room, high + room];
+  }
+
+  limits() { return this.app.mode === "difference" ? [] : this.app.limits(this.panel.limits); }
+
+  draw() {
+    const [g, w, h] = sharp(this.base), lines = this.shown(), { left, right, top, bottom } = GUTTER;
+    const [y0, y1] = this.range(lines), inner = { x: left, y: top, w: w - left - right, h: h - top - bottom };
+    let [x0, x1] = [this.app.view.from, this.app.view.to];
+    if (this.panel.x) {
+      const seen = lines.flatMap(({ source, x }) => Array.from(x.subarray(before(source.t, x0), before(source.t, x1) + 1))).filter(Number.isFinite);
+      [x0, x1] = seen.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
+      if (!(x1 > x0)) [x0, x1] = [x0 - 1 || 0, x0 + 1 || 1];
+      const room = 0.04 * (x1 - x0); x0 -= room; x1 += room;
+    }
+    const log = this.panel.log, f = log ? Math.log10 : (v) => v, [u0, u1] = [f(y0), f(y1)];
+    this.px = (x) => inner.x + ((x - x0) / (x1 - x0)) * inner.w;
+    this.py = (y) => inner.y + inner.h - ((f(y) - u0) / (u1 - u0)) * inner.h;
+    this.time = (px) => x0 + ((px - inner.x) / inner.w) * (x1 - x0);
+    this.inner = inner;
+    g.font = "11px system-ui, sans-serif"; g.lineWidth = 1; g.textBaseline = "middle";
+    const rows = log
+      ? { values: Array.from({ length: 42 }, (_, i) => [1, 2, 5][i % 3] * 10 ** (Math.floor(i / 3) - 7)).filter((v) => v >= y0 && v <= y1 && (y1 / y0 < 300 || /^0?\.?0*1/.test(v))) }
+      : ticks(y0, y1, Math.max(2, inner.h / 34));
+    g.textAlign = "right";
+    for (const v of rows.values) {
+      const y = Math.round(this.py(v)) + 0.5;
+      g.strokeStyle = css(v === 0 ? "rule" : "grid"); g.beginPath(); g.moveTo(inner.x, y); g.lineTo(inner.x + inner.w, y); g.stroke();
+      g.fillStyle = css("muted"); g.fillText((log ? String(+v.toPrecision(2)) : Math.abs(v) >= 1e5 ? v.toExponential(0) : v.toFixed(rows.digits)).replace("-", "−"), inner.x - 5, y);
+    }
+    const columns = ticks(x0, x1, Math.max(2, inner.w / 75)); g.textAlign = "center";
+    columns.values.forEach((v, i) => {
+      const x = Math.round(this.px(v)) + 0.5; g.strokeStyle = css("grid"); g.beginPath(); g.moveTo(x, inner.y); g.lineTo(x, inner.y + inner.h); g.stroke();
+      const last = i === columns.values.length - 1 && x < inner.x + inner.w - 4;
+      g.fillStyle = css("muted"); g.fillText(v.toFixed(columns.digits).replace("-", "−") + (last ? " " + this.panel.x_unit : ""), Math.min(x, w - 16), h - 8);
+    });
+    g.save(); g.beginPath(); g.rect(inner.x, inner.y, inner.w, inner.h); g.clip();
+    if (!this.panel.x) this.app.events().forEach((event) => {
+      const x = Math.round(this.px(event.t)) + 0.5;
+      g.strokeStyle = css(event.name === "push" ? "push" : event.level === "info" ? "rule" : "warn"); g.setLineDash(event.name === "impact" ? [] : [3, 3]);
+      g.beginPath(); g.moveTo(x, inner.y); g.lineTo(x, inner.y + inner.h); g.stroke();
+    });
+    g.setLineDash([7, 4]); g.strokeStyle = css("bad"); g.fillStyle = css("bad"); g.textAlign = "right"; g.font = "10px system-ui, sans-serif";
+    for (const limit of this.limits()) {
+      const y = this.py(limit.value); g.globalAlpha = 0.8; g.beginPath(); g.moveTo(inner.x, y); g.lineTo(inner.x + inner.w, y); g.stroke();
+      if (limit.label) g.fillText(limit.label + " " + limit.value, inner.x + inner.w - 3, y < inner.y + 14 ? y + 8 : y - 7);
+    }
+    g.setLineDash([]); g.globalAlpha = 1; g.lineJoin = "round";
+    for (const one of lines) this.stroke(g, one, this.panel.x ? 0.55 : 1);
+    g.restore();
+    this.drawn = true;
+  }
+
+  stroke(g, { source, order, line, x, y }, alpha) {
+    const a = before(source.t, this.app.view.from), b = Math.min(y.length - 1, before(source.t, this.app.view.to) + 1);
+    g.strokeStyle = css(line.colour); g.lineWidth = order ? 1.1 : 1.5; g.setLineDash(order ? [4, 3] : []); g.globalAlpha = alpha;
+    g.beginPath();
+    let pen = false;
+    for (let i = a; i <= b; i++) {
+      if (!Number.isFinite(y[i]) || !Number.isFinite(x[i])) { pen = false; continue; }
+      const px = this.px(x[i]), py = Math.max(-1e4, Math.min(1e4, this.py(y[i])));
+      if (pen && this.panel.x && Math.abs(x[i] - x[i - 1]) > 0.2) pen = false; /* the clock starts over at an impact */
+      if (pen) g.lineTo(px, py); else g.moveTo(px, py);
+      pen = true;
+    }
+    g.stroke(); g.globalAlpha = 1; g.setLineDash([]);
+  }
+
+  /* Cursor, dots and values at the time the pointer or the player is at. */
+  point() {
+    const [g] = sharp(this.top), t = this.app.hover ?? this.app.t, { inner } = this;
+    if (!inner) return;
+    if (!this.panel.x) {
+      for (const [at, colour] of [[this.app.t, "ink"], [this.app.hover, "muted"]]) if (at != null && at >= this.app.view.from && at <= this.app.view.to) {
+        g.strokeStyle = css(colour); g.lineWidth = 1; g.beginPath(); g.moveTo(this.px(at), inner.y); g.lineTo(this.px(at), inner.y + inner.h); g.stroke();
+      }
+      if (this.app.drag && this.app.drag.wide) {
+        const [a, b] = [this.app.drag.from, this.app.drag.to].map(this.px); g.fillStyle = css("c1"); g.globalAlpha = 0.15;
+        g.fillRect(Math.min(a, b), inner.y, Math.abs(b - a), inner.h); g.globalAlpha = 1;
+      }
+      this.ahead(g, t);
+    }
+    g.save(); g.beginPath(); g.rect(inner.x - 4, inner.y - 4, inner.w + 8, inner.h + 8); g.clip();
+    for (const { one, value, id } of this.labels) {
+      const i = before(one.source.t, t), there = t <= one.source.t[one.source.t.length - 1] + 1e-3;
+      value.textContent = there ? number(one.y[i]) + (this.panel.unit && Number.isFinite(one.y[i]) ? " " + this.panel.unit : "") : "–";
+      if (this.hidden.has(id) || !there || !Number.isFinite(one.y[i]) || !Number.isFinite(one.x[i])) continue;
+      if (this.panel.x) this.trail(g, one, i);
+      g.fillStyle = css(one.line.colour); g.beginPath(); g.arc(this.px(one.x[i]), this.py(one.y[i]), this.panel.x ? 5 : 2.8, 0, TAU); g.fill();
+    }
+    g.restore();
+  }
+
+  /* The last half second of a phase portrait. */
+  trail(g, one, end) {
+    g.strokeStyle = css("mpc"); g.lineWidth = 2.2; g.beginPath();
+    for (let i = before(one.source.t, one.source.t[end] - 0.5), pen = false; i <= end; i++) {
+      if (pen && Math.abs(one.x[i] - one.x[i - 1]) > 0.2) pen = false;
+      if (pen) g.lineTo(this.px(one.x[i]), this.py(one.y[i])); else g.moveTo(this.px(one.x[i]), this.py(one.y[i]));
+      pen = true;
+    }
+    g.stroke();
+  }
+
+  /* What the MPC expected at the cursor. */
+  ahead(g, t) {
+    const h = this.app.mode === "difference" ? null : this.app.horizon();
+    if (!h || !h.t.length || t < h.t[0] - 0.05) return;
+    const k = before(h.t, t), { inner } = this;
+    if (t - h.t[k] > 0.05) return;
+    g.save(); g.beginPath(); g.rect(inner.x, inner.y, inner.w, inner.h); g.clip(); g.setLineDash([1.5, 3]); g.lineWidth = 2; g.lineCap = "round";
+    for (const line of this.panel.lines) {
+      const row = h.series.indexOf(line.horizon);
+      if (row < 0 || this.hidden.has("0" + line.key)) continue;
+      const start = (k * h.series.length + row) * h.stages; g.strokeStyle = css(line.colour); g.beginPath();
+      for (let s = 0, pen = false; s < h.stages; s++) {
+        const v = h.values[start + s]; if (!Number.isFinite(v)) { pen = false; continue; }
+        const px = this.px(h.t[k] + s * h.period), py = Math.max(-1e4, Math.min(1e4, this.py(v)));
+        if (pen) g.lineTo(px, py); else g.moveTo(px, py);
+        pen = true;
+      }
+      g.stroke();
+    }
+    g.restore();
+  }
+
+  listen() {
+    const box = this.box, app = this.app;
+    const at = (event) => Math.min(app.end, Math.max(0, this.time(event.clientX - box.getBoundingClientRect().left)));
+    if (this.panel.x) return;
+    box.onpointerdown = (event) => {
+      if (event.button) return;
+      box.setPointerCapture(event.pointerId); app.drag = { from: at(event), to: at(event), x: event.clientX, wide: false };
+      if (event.pointerType !== "mouse") app.seek(at(event));
+    };
+    box.onpointermove = (event) => {
+      if (app.drag && event.pointerType !== "mouse") { app.seek(at(event)); return; }
+      if (app.drag) { app.drag.to = at(event); app.drag.wide = app.drag.wide || Math.abs(event.clientX - app.drag.x) > 5; }
+      app.hover = at(event); app.point();
+    };
+    box.onpointerup = (event) => {
+      const drag = app.drag; app.drag = null;
+      if (drag && drag.wide && event.pointerType === "mouse") app.zoom(Math.min(drag.from, drag.to), Math.max(drag.from, drag.to));
+      else app.seek(at(event));
+    };
+    box.onpointercancel = () => { app.drag = null; app.point(); };
+    box.onpointerleave = () => { app.hover = null; app.point(); };
+    box.ondblclick = () => app.zoom(0, app.end);
+    box.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && !event.metaKey) return;
+      event.preventDefault(); app.scale(Math.exp(event.deltaY / 300), at(event));
+    }, { passive: false });
+  }
+}

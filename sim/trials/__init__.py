@@ -1,0 +1,7 @@
+"""Many runs: grids, margins and Monte-Carlo studies, resumable, on all cores or a cluster."""
+
+from sim.trials.campaign import run_plan
+from sim.trials.plan import Plan, load_plan
+from sim.trials.trial import TrialResult, TrialSpec, run_trial
+
+__all__ = ["Plan", "TrialResult", "TrialSpec", "load_plan", "run_plan", "run_trial"]

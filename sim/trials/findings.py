@@ -1,0 +1,175 @@
+"""What the results of each study say: margins, grid lines, survival rates. No pictures, no pages."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sim.trials import stats
+from sim.trials.axis import Value, label, spec_of
+from sim.trials.campaign import Results
+from sim.trials.grid import GridStudy
+from sim.trials.margin import Margin, MarginAxis, MarginStudy, margin
+from sim.trials.montecarlo import MonteCarloStudy
+from sim.trials.trial import TrialResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Side:
+    """One side of one axis for one controller.
+
+    Attributes:
+        axis: The axis.
+        unit: Unit of its values.
+        controller: Kind of controller.
+        sign: -1 below the nominal value, 1 above.
+        limit: Outermost value tried.
+        margin: What it holds.
+    """
+
+    axis: MarginAxis
+    unit: str
+    controller: str
+    sign: int
+    limit: float
+    margin: Margin
+
+    @property
+    def share(self) -> float:
+        """Part of the tried range that is held, 0 to 1; on a log scale, of its logarithm."""
+        return 0.0 if self.margin.value is None else self.share_of(self.margin.value)
+
+    def share_of(self, value: float) -> float:
+        """Where a value lies between the nominal one (0) and the limit (1)."""
+        nominal = self.axis.nominal
+        if self.axis.scale == "log":
+            return math.log(value / nominal) / math.log(self.limit / nominal)
+        return (value - nominal) / (self.limit - nominal)
+
+    @property
+    def typical_errors(self) -> float | None:
+        """The margin as a multiple of the deviation to expect of a machine; None if the plan names none."""
+        if not self.axis.typical:
+            return None
+        if self.margin.value is None:
+            return 0.0
+        if self.axis.scale == "log":
+            return abs(math.log(self.margin.value / self.axis.nominal)) / math.log(self.axis.typical)
+        return abs(self.margin.value - self.axis.nominal) / self.axis.typical
+
+    @property
+    def whole(self) -> bool:
+        """Whether everything that was tried is held."""
+        return self.margin.fell_at is None
+
+
+def sides(results: Results, study: MarginStudy) -> Iterator[Side]:
+    """Every side of every axis for every controller that has results."""
+    start = next(start for start, other in results.plan.offsets() if other is study)
+    for number, axis in enumerate(study.axes):
+        low, high = axis.ends
+        zero = start + study.first_index(number)
+        for sign in (-1, 1):
+            limit = low if sign < 0 else high
+            if limit == 0:
+                continue
+            for controller in results.plan.controllers:
+                rows = results.store.results(controller, zero + low, zero + high + 1)
+                reasons = {row.trial - zero: row.why for row in rows}
+                if reasons:
+                    yield Side(
+                        axis=axis,
+                        unit=spec_of(axis, results.plan.scenario).unit,
+                        controller=controller,
+                        sign=sign,
+                        limit=axis.value(limit),
+                        margin=margin(axis, sign, reasons),
+                    )
+
+
+def weakest(found: list[Side], controller: str) -> list[Side]:
+    """Sides of a controller that break, weakest first: by typical errors held where the plan names them."""
+    broken = [side for side in found if side.controller == controller and not side.whole]
+    return sorted(broken, key=lambda side: (side.typical_errors is None, side.typical_errors or 0.0, side.share))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rate:
+    """Survival of one controller in a study.
+
+    Attributes:
+        controller: Kind of controller.
+        survived: Survivors.
+        trials: Trials.
+        interval: Wilson's 95 % interval of the survival rate.
+    """
+
+    controller: str
+    survived: int
+    trials: int
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomFindings:
+    """What a Monte-Carlo study says.
+
+    Attributes:
+        rates: Survival of each controller.
+        pairs: (first controller, second controller, their paired comparison).
+        attributions: For each controller, the axes that explain its falls, strongest first.
+        results: Its results by controller.
+    """
+
+    rates: tuple[Rate, ...]
+    pairs: tuple[tuple[str, str, stats.Paired], ...]
+    attributions: dict[str, tuple[stats.Attribution, ...]]
+    results: dict[str, list[TrialResult]]
+
+
+def random_findings(results: Results, study: MonteCarloStudy) -> RandomFindings:
+    """Survival rates, paired comparisons and attributions of a Monte-Carlo study."""
+    start = next(start for start, other in results.plan.offsets() if other is study)
+    found = {c: list(results.store.results(c, start, start + study.size)) for c in results.plan.controllers}
+    found = {controller: rows for controller, rows in found.items() if rows}
+    rates = tuple(_rate(controller, rows) for controller, rows in found.items())
+    pairs = []
+    names = list(found)
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            others = {row.trial: row.survived for row in found[b]}
+            both = [(row.survived, others[row.trial]) for row in found[a] if row.trial in others]
+            pairs.append((a, b, stats.mcnemar(both)))
+    attributions = {
+        controller: tuple(
+            sorted(
+                (
+                    stats.attribute(label(axis), values, [row.survived for row in rows])
+                    for axis in study.axes
+                    if (values := _numbers([row.axis_values.get(label(axis)) for row in rows]))
+                ),
+                key=lambda found: -found.strength,
+            )
+        )
+        for controller, rows in found.items()
+    }
+    return RandomFindings(rates=rates, pairs=tuple(pairs), attributions=attributions, results=found)
+
+
+def _rate(controller: str, rows: list[TrialResult]) -> Rate:
+    survived = sum(row.survived for row in rows)
+    return Rate(controller=controller, survived=survived, trials=len(rows), interval=stats.wilson(survived, len(rows)))
+
+
+def _numbers(values: list[Value | None]) -> list[float]:
+    """The values as numbers; none at all if one is a word or missing."""
+    numbers = [value for value in values if isinstance(value, int | float)]
+    return [float(value) for value in numbers] if len(numbers) == len(values) else []
+
+
+def grid_rows(results: Results, study: GridStudy) -> dict[str, dict[int, TrialResult]]:
+    """Results of a grid by controller and index within the study."""
+    start = next(start for start, other in results.plan.offsets() if other is study)
+    return {
+        controller: {row.trial - start: row for row in results.store.results(controller, start, start + study.size)}
+        for controller in results.plan.controllers
+    }

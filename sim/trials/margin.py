@@ -1,0 +1,194 @@
+"""Margin study: how far along an axis, up and down, is survived, by bracketed bisection.
+
+The values of an axis are a lattice around the nominal one, as wide as the tolerance, so that a value is a
+trial index and the search needs no memory but the results: the next trials follow from those there are.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from sim.errors import UserError
+from sim.scenario import Scenario
+from sim.trials.axis import label, spec_of
+from sim.units import AT_LEAST_ONE, POSITIVE, Unit
+
+MOST_POINTS = 1_000_000  # lattice points of an axis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarginAxis:
+    """One axis searched away from its nominal value, as far as its limits.
+
+    Attributes:
+        name: Name in tables and plots; the first path if empty.
+        paths: Settings that take the axis' value.
+        also: Further settings the axis needs, each "path = value".
+        nominal: Value at which the walker is expected to survive.
+        low: Smallest value tried; the nominal one for an axis with one side.
+        high: Largest value tried.
+        tolerance: Width of the lattice of values, the accuracy of the margin; a ratio on a "log" scale.
+        scale: Whether values are spaced evenly, or by equal ratios.
+        scan: Values tried on each side before the bisection, evenly spread up to the limit; they find
+            survival that comes back beyond a fall.
+        typical: Deviation from nominal to expect of a real machine, by which axes are compared; 0 for
+            none; a ratio above 1 on a "log" scale.
+    """
+
+    paths: tuple[str, ...]
+    name: str = ""
+    also: tuple[str, ...] = ()
+    nominal: float
+    low: float
+    high: float
+    tolerance: Annotated[float, POSITIVE]
+    scale: Literal["linear", "log"] = "linear"
+    scan: Annotated[int, Unit("values"), AT_LEAST_ONE] = 5
+    typical: float = 0.0
+
+    @property
+    def ends(self) -> tuple[int, int]:
+        """Lattice positions of the outermost values, (0 or below, 0 or above)."""
+        return -self._count(self.low), self._count(self.high)
+
+    def _count(self, limit: float) -> int:
+        if self.scale == "log":
+            return math.floor(abs(math.log(limit / self.nominal)) / math.log1p(self.tolerance) + 1e-6)
+        return math.floor(abs(limit - self.nominal) / self.tolerance + 1e-6)
+
+    def value(self, position: int) -> float:
+        """Value at a lattice position; 0 is the nominal one."""
+        if self.scale == "log":
+            return float(f"{self.nominal * (1.0 + self.tolerance) ** position:.12g}")
+        return float(f"{self.nominal + position * self.tolerance:.12g}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarginStudy:
+    """Margins along several axes, one at a time.
+
+    Attributes:
+        name: Name in tables and plots.
+        axes: The axes.
+    """
+
+    name: str = "margin"
+    axes: tuple[MarginAxis, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of trials that could be asked for, for each controller; far fewer are."""
+        return sum(high - low + 1 for low, high in (axis.ends for axis in self.axes))
+
+    def place(self, index: int) -> tuple[int, int]:
+        """Axis number and lattice position of a trial, index from 0."""
+        for number, axis in enumerate(self.axes):
+            low, high = axis.ends
+            if index <= high - low:
+                return number, index + low
+            index -= high - low + 1
+        raise IndexError(index)
+
+    def first_index(self, number: int) -> int:
+        """Index of the nominal trial of an axis."""
+        before = sum(high - low + 1 for low, high in (axis.ends for axis in self.axes[:number]))
+        return before - self.axes[number].ends[0]
+
+    def check(self, base: Scenario) -> None:
+        """Refuse axes that are not legal.
+
+        Raises:
+            UserError: names the study, the axis and the value.
+        """
+        if not self.axes:
+            raise UserError(f"margin {self.name!r}: has no axes; must have at least one")
+        for axis in self.axes:
+            where = f"margin {self.name!r}, axis {label(axis)!r}"
+            spec = spec_of(axis, base)
+            if spec.type not in (int, float):
+                raise UserError(f"{where}: {axis.paths[0]} takes no number; a margin needs one")
+            if not axis.low <= axis.nominal <= axis.high or axis.low == axis.high:
+                raise UserError(
+                    f"{where}: low = {axis.low:g}, nominal = {axis.nominal:g}, high = {axis.high:g} "
+                    f"[{spec.unit}]: must be in this order, and low below high"
+                )
+            if axis.scale == "log" and axis.low <= 0.0:
+                raise UserError(f'{where}: low = {axis.low:g} [{spec.unit}]: must be above 0 on a "log" scale')
+            if spec.type is int and not (axis.tolerance.is_integer() and axis.nominal.is_integer()):
+                raise UserError(f"{where}: nominal and tolerance must be whole numbers of {spec.unit}")
+            low, high = axis.ends
+            if high - low > MOST_POINTS or (low, high) == (0, 0):
+                raise UserError(
+                    f"{where}: tolerance = {axis.tolerance:g}: must divide the range into 1 to {MOST_POINTS} parts"
+                )
+
+
+def next_positions(axis: MarginAxis, side: int, survived: Mapping[int, bool]) -> list[int]:
+    """Lattice positions to try next on one side of an axis; none when the margin is known.
+
+    Args:
+        axis: The axis.
+        side: -1 below the nominal value, 1 above.
+        survived: Whether the trials there are survived, by position.
+    """
+    limit = axis.ends[0] if side < 0 else axis.ends[1]
+    if limit == 0:
+        return []
+    scan = [0, *(round(limit * k / axis.scan) for k in range(1, axis.scan + 1))]
+    missing = [position for position in dict.fromkeys(scan) if position not in survived]
+    if missing:
+        return missing
+    held, fell = bracket(side, survived)
+    if held is None or fell is None or abs(fell - held) <= 1:
+        return []
+    return [(held + fell) // 2 if side > 0 else -((-held - fell) // 2)]
+
+
+def bracket(side: int, survived: Mapping[int, bool]) -> tuple[int | None, int | None]:
+    """Last position survived before the first fall, and that fall; None where there is none."""
+    held = None
+    for position in sorted((p for p in survived if p * side >= 0), key=abs):
+        if not survived[position]:
+            return held, position
+        held = position
+    return held, None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margin:
+    """What one side of an axis holds.
+
+    Attributes:
+        value: Largest value survived without a fall before it; None if the nominal one falls.
+        fell_at: First value that falls; None if every value up to the limit is survived.
+        reason: Why it falls.
+        again: Values beyond the first fall that are survived: survival is not monotone on this side.
+        trials: Number of trials it took.
+    """
+
+    value: float | None
+    fell_at: float | None
+    reason: str
+    again: tuple[float, ...]
+    trials: int
+
+
+def margin(axis: MarginAxis, side: int, reasons: Mapping[int, str]) -> Margin:
+    """The margin on one side of an axis.
+
+    Args:
+        axis: The axis.
+        side: -1 below the nominal value, 1 above.
+        reasons: Why each trial fell by position, empty for one survived.
+    """
+    here = {p: reason for p, reason in reasons.items() if p * side >= 0}
+    held, fell = bracket(side, {p: not reason for p, reason in here.items()})
+    again = [p for p, reason in here.items() if fell is not None and not reason and abs(p) > abs(fell)]
+    return Margin(
+        value=None if held is None else axis.value(held),
+        fell_at=None if fell is None else axis.value(fell),
+        reason="" if fell is None else here[fell],
+        again=tuple(axis.value(p) for p in sorted(again, key=abs)),
+        trials=len(here),
+    )

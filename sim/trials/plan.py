@@ -1,0 +1,200 @@
+"""A plan: what to try, for which controllers, from which seed; frozen dataclasses <-> TOML."""
+
+import dataclasses
+import difflib
+import hashlib
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from sim import settings
+from sim.errors import UserError
+from sim.scenario import Scenario
+from sim.trials.axis import Axis, Value, changes, label, scenario_at
+from sim.trials.grid import GridStudy
+from sim.trials.margin import MarginStudy
+from sim.trials.montecarlo import MonteCarloStudy
+from sim.units import NOT_NEGATIVE, POSITIVE, Second, Unit
+
+SHIPPED = Path(__file__).parent / "plans"
+
+Study = GridStudy | MarginStudy | MonteCarloStudy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """A campaign of trials.
+
+    Trials are numbered through all studies, in the order grid, margin, montecarlo; a trial is a controller and
+    an index, and the index alone seeds it.
+
+    Attributes:
+        name: Short name.
+        description: One sentence.
+        seed: Root of every trial's seed.
+        controllers: Kinds of controller; each is given the same trials.
+        wall_limit: Wall time after which a trial is given up as an error.
+        logs: Whether to keep the logs of trials that fell.
+        log_every: Keep the log of every n-th trial too; 0 for none.
+        scenario: What every trial starts from; its controller's kind and its seed are set by the trial.
+        grid: Grid studies.
+        margin: Margin studies.
+        montecarlo: Monte-Carlo studies.
+    """
+
+    name: str = "trials"
+    description: str = ""
+    seed: Annotated[int, NOT_NEGATIVE] = 0
+    controllers: tuple[str, ...] = ("c-mpc", "zd-pd")
+    wall_limit: Annotated[Second, POSITIVE] = 120.0
+    logs: Literal["none", "falls"] = "none"
+    log_every: Annotated[int, Unit("trials"), NOT_NEGATIVE] = 0
+    scenario: Scenario = dataclasses.field(default_factory=Scenario)
+    grid: tuple[GridStudy, ...] = ()
+    margin: tuple[MarginStudy, ...] = ()
+    montecarlo: tuple[MonteCarloStudy, ...] = ()
+
+    def __post_init__(self) -> None:
+        settings.check(self)
+        legal = settings.spec_at(self.scenario, "controller.kind").choices
+        for kind in self.controllers:
+            if kind not in legal:
+                raise UserError(f"controllers: {kind!r}: must be one of {', '.join(legal)}")
+        if not self.controllers or len(set(self.controllers)) != len(self.controllers):
+            raise UserError(f"controllers = {list(self.controllers)}: must be one or more, each once")
+        if not self.studies:
+            raise UserError("the plan has no study; must have at least one [[grid]], [[margin]] or [[montecarlo]]")
+        names = [study.name for study in self.studies]
+        for name in names:
+            if names.count(name) > 1:
+                raise UserError(f"study name = {name!r}: is used twice; each study needs a name of its own")
+        for study in self.studies:
+            study.check(self.scenario)
+        self._check_ends()
+
+    def _check_ends(self) -> None:
+        """Build the outermost scenarios, so that an illegal value is refused before the first trial."""
+        for study in self.studies:
+            ends = _ends(study)
+            # The axes of a margin study are tried alone, those of the others all at once.
+            alone = isinstance(study, MarginStudy)
+            others: dict[str, Any] = {}
+            for axis, values in () if alone else ends:
+                others |= changes(axis, values[0], self.scenario)
+            for axis, values in ends:
+                for value in values:
+                    try:
+                        scenario_at(self.scenario, others | changes(axis, value, self.scenario))
+                    except UserError as error:
+                        raise UserError(f"study {study.name!r}, axis {label(axis)!r}: {error}") from error
+
+    @property
+    def studies(self) -> tuple[Study, ...]:
+        """All studies, in the order of their trials."""
+        return (*self.grid, *self.margin, *self.montecarlo)
+
+    def offsets(self) -> Iterator[tuple[int, Study]]:
+        """Each study with the index of its first trial."""
+        start = 0
+        for study in self.studies:
+            yield start, study
+            start += study.size
+
+    def study_of(self, index: int) -> tuple[Study, int]:
+        """The study of a trial and the trial's index within it.
+
+        Raises:
+            UserError: no such index.
+        """
+        for start, study in self.offsets():
+            if start <= index < start + study.size:
+                return study, index - start
+        size = sum(study.size for study in self.studies)
+        raise UserError(f"trial index {index}: must be 0 to {size - 1} in plan {self.name!r}")
+
+    def hash(self) -> str:
+        """Fingerprint of everything that decides the results."""
+        return hashlib.sha256(to_toml(self).encode()).hexdigest()
+
+
+def _ends(study: Study) -> list[tuple[Axis, list[Value]]]:
+    """Every axis of a study with its outermost values."""
+    if isinstance(study, GridStudy):
+        return [(axis, list(axis.points)) for axis in study.axes]
+    if isinstance(study, MarginStudy):
+        return [(axis, [axis.value(position) for position in axis.ends]) for axis in study.axes]
+    found: list[tuple[Axis, list[Value]]] = []
+    for axis in study.axes:
+        values = [axis.centre, axis.low, axis.high, *axis.values, *axis.words]
+        found.append((axis, [value for value in values if value is not None]))
+    return found
+
+
+def to_toml(plan: Plan) -> str:
+    """The whole plan as TOML text; `from_toml` reads back an equal one."""
+    return settings.to_toml(plan)
+
+
+def from_toml(text: str, where: str = "plan") -> Plan:
+    """A plan from TOML text.
+
+    Args:
+        text: The text.
+        where: What messages call it.
+
+    Raises:
+        UserError: invalid TOML, unknown key, wrong type or illegal value, on one line.
+    """
+    try:
+        return settings.build(Plan, tomllib.loads(text))
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    except ValueError as error:  # TOMLDecodeError is one
+        raise UserError(f"{where}: is not valid TOML: {error}") from error
+
+
+def load_plan(name: str) -> Plan:
+    """A shipped plan by name, or any other by the path of its .toml file.
+
+    Raises:
+        UserError: no such name (the message has the nearest and the list), or an illegal file.
+    """
+    path = Path(name)
+    if not (name.endswith(".toml") or os.sep in name):
+        path = SHIPPED / f"{name}.toml"
+        if not path.is_file():
+            names = shipped_names()
+            near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+            guess = f"; did you mean {near[0]}?" if near else ";"
+            raise UserError(f"no plan {name!r}{guess} Shipped: {', '.join(names)}; or give a .toml file")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        if path.parent == Path() and (SHIPPED / path).is_file():
+            return load_plan(path.stem)
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+    return from_toml(text, str(path))
+
+
+def shipped_names() -> list[str]:
+    """Names of the plans that come with the program."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def differences(old: Plan, new: Plan) -> list[str]:
+    """What differs between two plans, "path: old value -> new value"."""
+    rows = [{row.path: row.value for row in settings.table(plan)} for plan in (old, new)]
+    return [
+        f"{path}: {_shown(rows[0], path)} -> {_shown(rows[1], path)}"
+        for path in dict.fromkeys([*rows[0], *rows[1]])
+        if rows[0].get(path, ...) != rows[1].get(path, ...)
+    ]
+
+
+def _shown(row: Mapping[str, Any], path: str) -> str:
+    return repr(row[path]) if path in row else "(absent)"

@@ -1,0 +1,70 @@
+"""One trial out of a folder of results, by its id CONTROLLER/NUMBER."""
+
+import difflib
+from pathlib import Path
+
+from sim.errors import UserError
+from sim.scenario import Scenario
+from sim.trials.plan import Plan
+from sim.trials.store import FILE, Store
+from sim.trials.trial import TrialResult, trial_scenario
+
+
+def split_id(text: str, plan: Plan) -> tuple[str, int]:
+    """Controller and number of a trial's id.
+
+    Raises:
+        UserError: it is no id of the plan.
+    """
+    controller, _, number = text.rpartition("/")
+    if not number.isdecimal():
+        raise UserError(f"trial id {text!r}: must be CONTROLLER/NUMBER, such as {plan.controllers[0]}/0")
+    if controller not in plan.controllers:
+        near = difflib.get_close_matches(controller, plan.controllers, n=1)
+        guess = f"; did you mean {near[0]}/{number}?" if near else f"; legal: {', '.join(plan.controllers)}"
+        raise UserError(f"trial id {text!r}: the plan has no controller {controller!r}{guess}")
+    plan.study_of(int(number))
+    return controller, int(number)
+
+
+def stored_trial(folder: str | Path, trial: str) -> TrialResult:
+    """The result of a trial.
+
+    Raises:
+        UserError: no results there, no such id, or it has not been run.
+    """
+    plan, store = open_results(folder)
+    with store:
+        controller, number = split_id(trial, plan)
+        result = store.result(controller, number)
+        if result is None:
+            raise UserError(f"trial {trial}: has not been run in {folder}")
+        return result
+
+
+def stored_scenario(reference: str) -> Scenario:
+    """The scenario of a trial by DIR#ID, whether or not it has been run.
+
+    Raises:
+        UserError: no results there, or no such id.
+    """
+    folder, hash_sign, trial = reference.rpartition("#")
+    if not hash_sign:
+        raise UserError(f"--from-trial {reference}: must be DIR#CONTROLLER/NUMBER, such as results#c-mpc/17")
+    plan, store = open_results(folder)
+    store.close()
+    controller, number = split_id(trial, plan)
+    return trial_scenario(plan, controller, number)
+
+
+def open_results(folder: str | Path) -> tuple[Plan, Store]:
+    """The plan and the results of a folder.
+
+    Raises:
+        UserError: there are none, or they cannot be read.
+    """
+    store = Store(Path(folder) / FILE)
+    plan = store.plan()
+    if plan is None:
+        raise UserError(f"{folder}: holds no plan yet; its campaign stopped before its first trial")
+    return plan, store

@@ -1,0 +1,191 @@
+"""The results database: one SQLite file, written by one process, a row a trial.
+
+Each result is a transaction of its own in a write-ahead log, so a killed campaign loses the trials in flight
+and nothing else; the primary key makes a doubled trial impossible.
+"""
+
+import dataclasses
+import fcntl
+import os
+import sqlite3
+import types
+import typing
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Self
+
+from sim.errors import UserError
+from sim.trials import plan as plans
+from sim.trials.plan import Plan
+from sim.trials.trial import TrialResult
+
+VERSION = 1
+"""Version of the tables. A newer one than this is refused."""
+
+FILE = "results.sqlite"
+LOGS = "logs"
+
+_FIELDS = tuple(field.name for field in dataclasses.fields(TrialResult))
+_SQL_TYPES = {int: "INTEGER", bool: "INTEGER", float: "REAL", str: "TEXT"}
+
+
+def _column(name: str, hint: Any) -> str:
+    kinds = [kind for kind in typing.get_args(hint) or (hint,) if kind is not types.NoneType]
+    optional = len(kinds) < len(typing.get_args(hint) or (hint,))
+    return f'"{name}" {_SQL_TYPES[kinds[0]]}' + ("" if optional else " NOT NULL")
+
+
+_HINTS = typing.get_type_hints(TrialResult)
+_CREATE = (
+    "CREATE TABLE trials ("
+    + ", ".join(_column(name, _HINTS[name]) for name in _FIELDS)
+    + ", PRIMARY KEY (controller, trial)) WITHOUT ROWID"
+)
+_INSERT = f"INSERT INTO trials VALUES ({', '.join('?' * len(_FIELDS))})"
+
+
+class Store:
+    """Results of one plan in one folder."""
+
+    def __init__(self, path: Path | None, *, write: bool = False) -> None:
+        """Open or create the database.
+
+        Args:
+            path: The file; None for results that live in memory.
+            write: Whether results will be added.
+
+        Raises:
+            UserError: it cannot be opened, is no results database, or was made by a newer version.
+        """
+        self._where = str(path) if path else "results in memory"
+        if path and not write and not path.is_file():
+            raise UserError(f"{path}: no results there; run cmpc trials PLAN --out {path.parent} first")
+        with self._as_user_error():
+            self._db = sqlite3.connect(path or ":memory:", isolation_level=None)
+            if write:
+                self._db.execute("PRAGMA journal_mode = WAL")
+                self._db.execute("PRAGMA synchronous = NORMAL")
+            version = self._db.execute("PRAGMA user_version").fetchone()[0]
+            if version > VERSION:
+                raise UserError(
+                    f"{path}: results of version {version}; this program reads up to {VERSION}: use a newer one, "
+                    "or another --out"
+                )
+            if version == 0:
+                self._create()
+
+    def _create(self) -> None:
+        tables = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+        if tables:
+            raise UserError(f"{self._where}: is a database, but not of results")
+        self._db.execute("BEGIN")
+        self._db.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL)")
+        self._db.execute(_CREATE)
+        self._db.execute(f"PRAGMA user_version = {VERSION}")
+        self._db.execute("COMMIT")
+
+    @contextmanager
+    def _as_user_error(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.DatabaseError as error:
+            raise UserError(f"{self._where}: {error}; results so far are kept") from error
+
+    def plan(self) -> Plan | None:
+        """The plan the results belong to, None before there is one."""
+        with self._as_user_error():
+            row = self._db.execute("SELECT value FROM meta WHERE key = 'plan'").fetchone()
+        return plans.from_toml(row[0], f"plan stored in {self._where}") if row else None
+
+    def set_plan(self, plan: Plan, versions: dict[str, str]) -> None:
+        """Remember the plan and the versions its first trials ran with."""
+        rows = {"plan": plans.to_toml(plan), "plan_hash": plan.hash(), "versions": repr(versions)}
+        with self._as_user_error():
+            self._db.executemany("INSERT INTO meta VALUES (?, ?)", rows.items())
+
+    def add(self, result: TrialResult) -> None:
+        """Keep a result, safe from then on.
+
+        Raises:
+            UserError: the disk is full or the file cannot be written.
+        """
+        with self._as_user_error():
+            self._db.execute(_INSERT, tuple(getattr(result, name) for name in _FIELDS))
+
+    def done(self) -> set[tuple[str, int]]:
+        """(controller, trial) of every result."""
+        with self._as_user_error():
+            return set(self._db.execute("SELECT controller, trial FROM trials"))
+
+    def survivals(self, controller: str, first: int, last: int) -> dict[int, bool]:
+        """Whether the trials from `first` up to but not with `last` survived, by trial."""
+        query = "SELECT trial, survived FROM trials WHERE controller = ? AND trial >= ? AND trial < ?"
+        with self._as_user_error():
+            return {trial: bool(survived) for trial, survived in self._db.execute(query, (controller, first, last))}
+
+    def results(self, controller: str | None = None, first: int = 0, last: int = 2**62) -> Iterator[TrialResult]:
+        """Results in order of controller and trial."""
+        query = "SELECT * FROM trials WHERE trial >= ? AND trial < ?"
+        bounds: tuple[Any, ...] = (first, last)
+        if controller is not None:
+            query, bounds = f"{query} AND controller = ?", (*bounds, controller)
+        with self._as_user_error():
+            for row in self._db.execute(query + " ORDER BY controller, trial", bounds):
+                values = dict(zip(_FIELDS, row, strict=True))
+                yield TrialResult(**values | {"survived": bool(values["survived"])})
+
+    def result(self, controller: str, trial: int) -> TrialResult | None:
+        """One result, None if there is none yet."""
+        return next(self.results(controller, trial, trial + 1), None)
+
+    def counts(self) -> dict[str, tuple[int, int]]:
+        """(survived, done) by controller."""
+        query = "SELECT controller, sum(survived), count(*) FROM trials GROUP BY controller"
+        with self._as_user_error():
+            return {name: (survived, done) for name, survived, done in self._db.execute(query)}
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep a second campaign out of a folder while the context lasts.
+
+    Raises:
+        UserError: the folder cannot be made, or another campaign is writing there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder / ".lock", os.O_CREAT | os.O_RDWR | os.O_CLOEXEC)
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from error
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError as error:
+        raise UserError(f"--out {folder}: another campaign is writing there; wait for it or use another") from error
+    finally:
+        os.close(handle)
+
+
+def set_aside(folder: Path) -> Path | None:
+    """Move the results and logs of a folder into a backup beside them; the backup, None if there was nothing."""
+    file = folder / FILE
+    if not file.exists():
+        return None
+    backup = folder / f"backup-{datetime.now(UTC):%Y%m%dT%H%M%S%f}Z"
+    backup.mkdir()
+    for path in sorted(folder.iterdir()):
+        if not path.name.startswith(("backup-", ".lock")):
+            path.rename(backup / path.name)
+    return backup

@@ -1,0 +1,306 @@
+"""One trial: a pure function of plan, controller and index."""
+
+import dataclasses
+import errno
+import json
+import math
+import os
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.errors import UserError
+from sim.outcome import Outcome, RunSummary
+from sim.scenario import Scenario
+from sim.trials.axis import Value, changes, label, scenario_at
+from sim.trials.grid import GridStudy
+from sim.trials.margin import MarginStudy
+from sim.trials.plan import Plan
+
+TIMING = ("wall_s", "solve_median_ms", "solve_p99_ms", "solve_max_ms", "tick_median_ms")
+"""Fields of a result that differ from run to run; all others depend on plan, controller and index alone."""
+
+LONGEST_MESSAGE = 300  # characters of an exception that a result keeps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialSpec:
+    """Which trial.
+
+    Attributes:
+        plan: The plan.
+        controller: Kind of controller, one of the plan's.
+        index: Number of the trial through all studies of the plan.
+        logs: Folder for logs the plan asks for; None to keep none.
+    """
+
+    plan: Plan
+    controller: str
+    index: int
+    logs: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialResult:
+    """What came of a trial; a row of the results database.
+
+    Attributes:
+        controller: Kind of controller.
+        trial: Number of the trial.
+        study: Name of its study.
+        values: Values of the study's axes by name, as JSON.
+        seed: Seed of the scenario.
+        outcome: Value of `sim.outcome.Outcome`; "error" for an exception or a trial given up.
+        survived: Whether the steps asked for were completed: no fall, no NaN, no error.
+        reason: Why it fell.
+        message: Detail of an error.
+        steps: Completed steps.
+        ticks: Control ticks.
+        time_s: Simulated time in [s]; of the fall, if it fell.
+        speed_m_s: Mean forward speed in [m/s].
+        step_time_s: Mean step time in [s].
+        step_length_m: Mean step length in [m].
+        peak_torque_Nm: Largest applied torque of any joint in [N.m].
+        peak_torque_ratio: Largest share of a joint's limit that was applied.
+        rms_torque_Nm: RMS of all joint torques in [N.m].
+        error_rms_rad: RMS of the outputs in [rad].
+        friction_max: Worst |F_T/F_N| of the stance foot.
+        slip_m: Distance the stance foot slid in [m].
+        fallbacks: Ticks in which the controller fell back.
+        slack_max_N: Largest softening of a contact-force row in [N].
+        state_digest: Fingerprint of the last state.
+        solve_median_ms: Median solver time in [ms].
+        solve_p99_ms: Its 99 % quantile.
+        solve_max_ms: Its maximum.
+        tick_median_ms: Median controller time in [ms].
+        wall_s: Wall time of the trial in [s].
+        log: Name of the log in the results' folder, empty if none was kept.
+    """
+
+    controller: str
+    trial: int
+    study: str
+    values: str
+    seed: int
+    outcome: str
+    survived: bool
+    reason: str = ""
+    message: str = ""
+    steps: int = 0
+    ticks: int = 0
+    time_s: float = 0.0
+    speed_m_s: float | None = None
+    step_time_s: float | None = None
+    step_length_m: float | None = None
+    peak_torque_Nm: float | None = None
+    peak_torque_ratio: float | None = None
+    rms_torque_Nm: float | None = None
+    error_rms_rad: float | None = None
+    friction_max: float | None = None
+    slip_m: float | None = None
+    fallbacks: int = 0
+    slack_max_N: float = 0.0
+    state_digest: str = ""
+    solve_median_ms: float | None = None
+    solve_p99_ms: float | None = None
+    solve_max_ms: float | None = None
+    tick_median_ms: float | None = None
+    wall_s: float = 0.0
+    log: str = ""
+
+    @property
+    def axis_values(self) -> Mapping[str, Value]:
+        """Values of the study's axes by name."""
+        found: dict[str, Value] = json.loads(self.values)
+        return found
+
+    @property
+    def why(self) -> str:
+        """Why it did not survive, empty if it did."""
+        return "" if self.survived else self.reason or self.message or self.outcome
+
+
+def result_without_times(result: TrialResult) -> TrialResult:
+    """The part of a result that is a pure function of plan, controller and index."""
+    blank: dict[str, Any] = dict.fromkeys(TIMING, None) | {"wall_s": 0.0}
+    return dataclasses.replace(result, **blank)
+
+
+def axis_values(plan: Plan, index: int) -> tuple[str, dict[str, Value], dict[str, Any]]:
+    """What a trial tries.
+
+    Args:
+        plan: The plan.
+        index: Number of the trial.
+
+    Returns:
+        Name of the study, values by axis name, changes of the plan's scenario by dotted path.
+
+    Raises:
+        UserError: no such trial.
+    """
+    study, local = plan.study_of(index)
+    base = plan.scenario
+    if isinstance(study, MarginStudy):
+        number, position = study.place(local)
+        axis = study.axes[number]
+        pairs: list[tuple[Any, Value]] = [(axis, axis.value(position))]
+    elif isinstance(study, GridStudy):
+        pairs = list(zip(study.axes, study.point(local), strict=True))
+    else:
+        generator = np.random.default_rng(_sequence(plan, index))
+        pairs = list(zip(study.axes, study.draw(generator, base), strict=True))
+    merged: dict[str, Any] = {}
+    for axis, value in pairs:
+        merged |= changes(axis, value, base)
+    return study.name, {label(axis): value for axis, value in pairs}, merged
+
+
+def _sequence(plan: Plan, index: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(plan.seed, spawn_key=(index,))
+
+
+def trial_seed(plan: Plan, index: int) -> int:
+    """Seed of a trial's scenario: the same for every controller, whoever runs it and when."""
+    return int(_sequence(plan, index).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+def trial_scenario(plan: Plan, controller: str, index: int) -> Scenario:
+    """The scenario of a trial; `cmpc run` runs it to the same end.
+
+    Raises:
+        UserError: no such trial, or its values are not legal.
+    """
+    if controller not in plan.controllers:
+        raise UserError(f"controller {controller!r}: must be one of the plan's, {', '.join(plan.controllers)}")
+    _, _, merged = axis_values(plan, index)
+    own = {
+        "name": f"{plan.name}-{index}",
+        "controller.kind": controller,
+        "seed": trial_seed(plan, index),
+    }
+    return scenario_at(plan.scenario, merged | own)
+
+
+def run_trial(spec: TrialSpec) -> TrialResult:
+    """Run one trial. An exception is an outcome, and wall time is bounded.
+
+    Args:
+        spec: Which trial of which plan.
+
+    Raises:
+        UserError: the disk is full: no fault of the trial, and no result of it.
+    """
+    plan, index = spec.plan, spec.index
+    began = time.perf_counter()
+    identity: dict[str, Any] = {"controller": spec.controller, "trial": index, "seed": trial_seed(plan, index)}
+    study, values = "", "{}"
+    try:
+        study, found, _ = axis_values(plan, index)
+        values = json.dumps(found)
+        scenario = trial_scenario(plan, spec.controller, index)
+        summary, log = _run(scenario, spec, began + plan.wall_limit)
+    except Exception as error:
+        if _disk_full(error):
+            raise UserError(f"{spec.logs}: the disk is full; free some and give the same command again") from error
+        message = " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_MESSAGE]
+        wall = time.perf_counter() - began
+        failed: dict[str, Any] = {"outcome": Outcome.ERROR.value, "survived": False, "message": message}
+        return TrialResult(**identity, study=study, values=values, wall_s=wall, **failed)
+    figures = _figures(summary)
+    return TrialResult(**identity, study=study, values=values, wall_s=time.perf_counter() - began, log=log, **figures)
+
+
+def _disk_full(error: BaseException | None) -> bool:
+    """Whether an error, or what caused it, is that of a full disk."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _run(scenario: Scenario, spec: TrialSpec, deadline: float) -> tuple[RunSummary, str]:
+    """Run the scenario; keep its log if the plan asks for it.
+
+    A log grows under a name of its own and gets its final one when it is complete, so that a killed campaign
+    leaves no half log under a name that counts.
+    """
+    from sim.compose import known_belief, run_scenario
+
+    plan = spec.plan
+    belief = known_belief(scenario.walker, scenario.gait)
+
+    def stop() -> str | None:
+        return f"gave up after {plan.wall_limit:g} s of wall time" if time.perf_counter() > deadline else None
+
+    always = plan.log_every > 0 and spec.index % plan.log_every == 0
+    if spec.logs is None or not (always or plan.logs == "falls"):
+        return run_scenario(scenario, stop=stop, belief=belief), ""
+    folder = Path(spec.logs)
+    folder.mkdir(parents=True, exist_ok=True)
+    name = f"{spec.controller}-{spec.index}.mcap"
+    growing = folder / f"{name}.{os.getpid()}-{threading.get_ident()}.partial"
+    try:
+        summary = run_scenario(scenario, stop=stop, log=growing, belief=belief)
+        if always or summary.outcome == Outcome.FELL.value:
+            os.replace(growing, folder / name)
+            return summary, name
+        return summary, ""
+    finally:
+        growing.unlink(missing_ok=True)
+
+
+def _figures(summary: RunSummary) -> dict[str, Any]:
+    """A run's summary as fields of a result; an interrupted run is one that was given up."""
+    given_up = summary.outcome == Outcome.INTERRUPTED.value
+    peaks, limits = summary.peak_torque_Nm, summary.torque_limit_Nm
+    rms = summary.rms_torque_Nm.values()
+    figures = {
+        "outcome": Outcome.ERROR.value if given_up else summary.outcome,
+        "survived": summary.outcome == Outcome.COMPLETED.value,
+        "reason": summary.fall_reason,
+        "message": summary.message,
+        "steps": summary.steps,
+        "ticks": summary.ticks,
+        "time_s": summary.time_s,
+        "speed_m_s": summary.speed_m_s,
+        "step_time_s": summary.step_time_s,
+        "step_length_m": summary.step_length_m,
+        "peak_torque_Nm": max(peaks.values(), default=None),
+        "peak_torque_ratio": max((peaks[j] / limit for j, limit in limits.items() if limit > 0.0), default=None),
+        "rms_torque_Nm": math.sqrt(sum(value**2 for value in rms) / len(rms)) if rms else None,
+        "error_rms_rad": summary.output_error_rms_rad,
+        "friction_max": summary.friction_ratio_max,
+        "slip_m": summary.slip_m,
+        "fallbacks": summary.fallbacks,
+        "slack_max_N": summary.slack_max_N,
+        "state_digest": summary.state_digest,
+        "solve_median_ms": summary.solve_ms.get("median"),
+        "solve_p99_ms": summary.solve_ms.get("p99"),
+        "solve_max_ms": summary.solve_ms.get("max"),
+        "tick_median_ms": summary.tick_ms.get("median"),
+    }
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in figures.items()
+    }
+
+
+def work(spec: TrialSpec) -> TrialResult:
+    """`run_trial` in a worker process.
+
+    Ctrl-C is for the parent, which then asks no more of its workers; what solvers warn of is counted in the
+    results, and would bury the progress.
+    """
+    warnings.simplefilter("ignore")
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return run_trial(spec)

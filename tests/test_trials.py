@@ -1,0 +1,342 @@
+"""Campaigns: pure trials, the same results whoever runs them, nothing lost to a kill, one line for bad input."""
+
+import dataclasses
+import errno
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from sim import cli
+from sim.errors import UserError
+from sim.trials import TrialSpec, run_plan, run_trial
+from sim.trials.plan import Plan, differences, from_toml, load_plan, shipped_names, to_toml
+from sim.trials.recall import stored_scenario
+from sim.trials.store import FILE, Store
+from sim.trials.trial import TrialResult, result_without_times, trial_scenario, trial_seed
+
+PLAN = """
+name = "small"
+seed = 11
+controllers = ["zd-pd"]
+
+[scenario]
+steps = 1
+
+[[grid]]
+[[grid.axes]]
+paths = ["pushes.0.force"]
+also = ["pushes.0.step = 1"]
+low = -60
+high = 60
+count = 5
+
+[[margin]]
+[[margin.axes]]
+name = "tilt"
+paths = ["start.torso_offset"]
+nominal = 0
+low = 0
+high = 0.8
+tolerance = 0.1
+scan = 2
+
+[[montecarlo]]
+trials = 12
+[[montecarlo.axes]]
+paths = ["sensors.angle_noise"]
+distribution = "uniform"
+low = 0
+high = 0.01
+[[montecarlo.axes]]
+paths = ["plant.mass_factor.torso"]
+distribution = "log-normal"
+centre = 1
+spread = 0.4
+"""
+
+
+@pytest.fixture
+def plan() -> Plan:
+    return from_toml(PLAN)
+
+
+@pytest.fixture(scope="module")
+def reference() -> list[TrialResult]:
+    return [result_without_times(result) for result in run_plan(from_toml(PLAN), workers=1)]
+
+
+def same(results) -> list[TrialResult]:
+    return [result_without_times(result) for result in results]
+
+
+def write(folder: Path, text: str = PLAN) -> str:
+    path = folder / "small.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_plans_read_back_equal_and_shipped_ones_are_there(plan: Plan) -> None:
+    assert shipped_names() == ["atlas", "montecarlo", "payload", "pushes"]
+    for one in (plan, *map(load_plan, shipped_names())):
+        assert from_toml(to_toml(one)) == one and from_toml(to_toml(one)).hash() == one.hash()
+
+
+def test_a_trial_is_a_pure_function(plan: Plan, reference: list[TrialResult]) -> None:
+    spec = TrialSpec(plan=plan, controller="zd-pd", index=20)
+    first, again = run_trial(spec), run_trial(spec)
+    assert result_without_times(first) == result_without_times(again)
+    assert result_without_times(first) in reference
+    assert first.state_digest and first.ticks > 0 and first.rms_torque_Nm
+
+
+def test_every_trial_is_there_once_and_both_ends_occur(plan: Plan, reference: list[TrialResult]) -> None:
+    ids = [row.trial for row in reference]
+    assert len(ids) == len(set(ids)) and {row.study for row in reference} == {"grid", "margin", "montecarlo"}
+    assert {row.outcome for row in reference} == {"completed", "fell"}
+    assert all(row.survived == (row.outcome == "completed") for row in reference)
+    assert all(row.reason for row in reference if row.outcome == "fell")
+
+
+def test_two_workers_find_what_one_finds(plan: Plan, reference: list[TrialResult]) -> None:
+    assert same(run_plan(plan, workers=2)) == reference
+
+
+def test_controllers_are_given_the_same_draws() -> None:
+    plan = from_toml(PLAN.replace('["zd-pd"]', '["zd-pd", "c-mpc"]'))
+    for index in (3, 20):
+        one, other = (trial_scenario(plan, kind, index) for kind in plan.controllers)
+        assert dataclasses.replace(one, controller=other.controller) == other
+        assert one.seed == trial_seed(plan, index)
+    assert trial_seed(plan, 3) != trial_seed(plan, 4) != trial_seed(dataclasses.replace(plan, seed=12), 4)
+
+
+def test_an_exception_is_an_outcome_and_wall_time_is_bounded(plan: Plan) -> None:
+    broken = dataclasses.replace(plan, scenario=dataclasses.replace(plan.scenario, walker="nowhere"))
+    result = run_trial(TrialSpec(plan=broken, controller="zd-pd", index=0))
+    assert result.outcome == "error" and not result.survived and "nowhere" in result.message
+    hasty = dataclasses.replace(plan, wall_limit=1e-6)
+    result = run_trial(TrialSpec(plan=hasty, controller="zd-pd", index=0))
+    assert result.outcome == "error" and "wall time" in result.message
+
+
+def test_a_full_disk_is_no_result_of_the_trial(plan: Plan, tmp_path: Path, monkeypatch) -> None:
+    from sim.recorder.container import McapFile
+
+    def full(self, data, index) -> None:
+        raise UserError("log: cannot be written") from OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(McapFile, "chunk", full)
+    spec = TrialSpec(plan=dataclasses.replace(plan, log_every=1), controller="zd-pd", index=0, logs=str(tmp_path))
+    with pytest.raises(UserError, match="disk is full"):
+        run_trial(spec)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_killed_campaign_goes_on_where_it_was(tmp_path: Path, reference: list[TrialResult]) -> None:
+    """Kill -9 of the parent in mid-plan, twice; then the same command to its end."""
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "sim", "trials", write(tmp_path), "--out", str(out), "--workers", "1"]
+    for killed in (2, 9):
+        process = subprocess.Popen(command, cwd=Path(__file__).parent.parent, stderr=subprocess.DEVNULL)
+        while _count(out) < killed and process.poll() is None:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert process.returncode == -signal.SIGKILL
+    before = _count(out)
+    assert 9 <= before < len(reference)
+    results = run_plan(load_plan(str(tmp_path / "small.toml")), out, workers=1)
+    assert same(results) == reference
+
+
+def _count(out: Path) -> int:
+    if not (out / FILE).exists():
+        return 0
+    try:
+        with sqlite3.connect(f"file:{out / FILE}?mode=ro", uri=True) as db:
+            return int(db.execute("SELECT count(*) FROM trials").fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0
+
+
+def test_the_command_leaves_database_table_plots_and_page(plan: Plan, tmp_path: Path, capsys) -> None:
+    text = PLAN.replace('name = "small"', 'name = "small"\nlogs = "falls"\nlog_every = 7')
+    assert cli.main(["trials", write(tmp_path, text), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    out = capsys.readouterr().out
+    page = (tmp_path / "out/report.html").read_text()
+    assert "grid points" in out and "McNemar" not in out and "report.html" in out
+    for words in ("<svg", "tilt", "steps are completed", "angle_noise", "Falls and errors", "zd-pd/"):
+        assert words in page
+    assert "http://" not in page.replace("http://www.w3.org", "") and "<script" not in page
+    assert list((tmp_path / "out/plots").glob("*.svg"))
+    rows = (tmp_path / "out/results.csv").read_text().splitlines()
+    with Store(tmp_path / "out" / FILE) as store:
+        results = list(store.results())
+    assert len(rows) == len(results) + 1
+    logs = {path.name for path in (tmp_path / "out/logs").iterdir()}
+    assert logs == {row.log for row in results if row.outcome == "fell" or row.trial % 7 == 0}
+    assert logs == {f"zd-pd-{row.trial}.mcap" for row in results if row.log}
+
+    fell = next(row for row in results if row.outcome == "fell")
+    assert cli.main(["trials", "show", str(tmp_path / "out"), "--trial", f"zd-pd/{fell.trial}"]) == 0
+    assert fell.reason in capsys.readouterr().out
+    argv = ["run", "--from-trial", f"{tmp_path / 'out'}#zd-pd/{fell.trial}", "--no-log", "--json"]
+    assert cli.main(argv) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert (again["outcome"], again["ticks"], again["state_digest"]) == ("fell", fell.ticks, fell.state_digest)
+    assert stored_scenario(f"{tmp_path / 'out'}#zd-pd/{fell.trial}").seed == fell.seed
+
+
+def test_results_come_as_a_data_frame(plan: Plan) -> None:
+    pytest.importorskip("pandas")
+    frame = run_plan(from_toml(PLAN.split("[[margin]]")[0]), workers=1).frame()
+    assert len(frame) == 5 and frame["axis: pushes.0.force"].tolist() == [-60, -30, 0, 30, 60]
+
+
+def test_a_changed_plan_is_refused_and_restart_keeps_the_old(plan: Plan, tmp_path: Path, capsys) -> None:
+    grid = PLAN.split("[[margin]]")[0]
+    out = str(tmp_path / "out")
+    assert cli.main(["trials", write(tmp_path, grid), "--out", out, "--workers", "1"]) == 0
+    write(tmp_path, grid.replace("seed = 11", "seed = 12").replace("high = 60", "high = 70"))
+    again = ["trials", str(tmp_path / "small.toml"), "--out", out, "--workers", "1"]
+    capsys.readouterr()
+    assert cli.main(again) == 2
+    err = capsys.readouterr().err
+    assert "seed: 11 -> 12" in err and "grid.0.axes.0.high: 60.0 -> 70.0" in err and "--restart" in err
+    assert cli.main([*again, "--restart"]) == 0
+    (backup,) = (tmp_path / "out").glob("backup-*")
+    with Store(backup / FILE) as store:
+        assert len(list(store.results())) == 5 and store.plan().seed == 11
+
+
+def test_differences_name_what_was_added_and_taken_away(plan: Plan) -> None:
+    less = dataclasses.replace(plan, montecarlo=())
+    assert any(line.startswith("montecarlo.0.trials: 12 -> (absent)") for line in differences(plan, less))
+
+
+def test_results_of_a_newer_version_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    with sqlite3.connect(tmp_path / "out" / FILE) as db:
+        db.execute("PRAGMA user_version = 99")
+    with pytest.raises(UserError, match="version 99; this program reads up to 1"):
+        Store(tmp_path / "out" / FILE)
+
+
+def test_a_full_disk_stops_the_campaign_and_keeps_what_there_is(tmp_path: Path, reference) -> None:
+    store = Store(tmp_path / FILE, write=True)
+    pages = store._db.execute("PRAGMA page_count").fetchone()[0]
+    store._db.execute(f"PRAGMA max_page_count = {pages + 1}")
+    with pytest.raises(UserError, match=r"full; results so far are kept"):
+        for number in range(1000):
+            store.add(dataclasses.replace(reference[0], trial=number))
+    kept = len(store.done())
+    store.close()
+    assert 0 < kept == len(Store(tmp_path / FILE).done())
+
+
+def test_a_second_campaign_in_the_same_folder_is_refused(plan: Plan, tmp_path: Path) -> None:
+    from sim.trials.store import locked
+
+    with locked(tmp_path), pytest.raises(UserError, match="another campaign"), locked(tmp_path):
+        pass
+
+
+AXIS = 'paths = ["plant.ground.slope"]\n'
+BAD = {
+    '[[grid]]\n[[grid.axes]]\npaths = ["plant.ground.slop"]\nvalues = [1]': ["did you mean plant.ground.slope"],
+    '[[grid]]\n[[grid.axes]]\npaths = ["plant.ground"]\nvalues = [1]': ["plant.ground: no such setting"],
+    "[[grid]]": ["grid 'grid': has no axes"],
+    f"[[grid]]\n[[grid.axes]]\n{AXIS}": ["is empty or given twice", "[rad]"],
+    f"[[grid]]\n[[grid.axes]]\n{AXIS}values = [2]": ["plant.ground.slope = 2.0 rad", "pi/2"],
+    f"[[grid]]\n[[grid.axes]]\n{AXIS}step = 1": ["grid.0.axes.0.step: unknown key"],
+    '[[grid]]\n[[grid.axes]]\npaths = ["plant.mass_factor.torso"]\nvalues = [-1]': ["-1.0 ratio", "above 0"],
+    '[[grid]]\n[[grid.axes]]\npaths = ["sensors.latency"]\nvalues = [0.5]': ["sensors.latency = 0.5", "integer"],
+    f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 1\nlow = 0\nhigh = 0.5\ntolerance = 0.1": ["must be in this order"],
+    f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 0\nlow = 0\nhigh = 0.5\ntolerance = 0": [
+        "tolerance = 0: must be a number above 0"
+    ],
+    f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 0\nlow = 0\nhigh = 0.5\ntolerance = 1": ["must divide the range"],
+    f'[[montecarlo]]\n[[montecarlo.axes]]\n{AXIS}distribution = "normal"': ["needs centre and spread [rad]"],
+    f'[[montecarlo]]\n[[montecarlo.axes]]\n{AXIS}distribution = "gauss"': ["one of normal, uniform"],
+    "[[montecarlo]]\ntrials = 0": ["trials = 0 trials", "1 or above"],
+    "": ["the plan has no study"],
+    'controllers = ["pid"]': ["'pid'", "c-mpc, zd-pd"],
+    'also = "x"': ["also: unknown key"],
+    "seed = ": ["not valid TOML"],
+    "[scenario]\nstep = 3": ["scenario.step", "did you mean scenario.steps"],
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_bad_plan_is_one_line_and_exit_code_2(text: str, tmp_path: Path, capsys) -> None:
+    assert cli.main(["trials", write(tmp_path, text), "--out", str(tmp_path / "out")]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and "small.toml" in err
+    for words in BAD[text]:
+        assert words in err, err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("trials", "needs a plan"),
+        ("trials atlas", "--out"),
+        ("trials atlass --out o", "did you mean atlas"),
+        ("trials nowhere.toml --out o", "cannot be read"),
+        ("trials atlas --out o --workers 0", "--workers = 0"),
+        ("trials atlas --out o --workers 1 --cluster tcp://x:1", "--cluster"),
+        ("trials atlas --out /proc/x", "/proc/x"),
+        ("trials show nowhere --trial c-mpc/1", "no results there"),
+        ("run --from-trial nowhere", "DIR#CONTROLLER/NUMBER"),
+        ("run --from-trial nowhere#c-mpc/1", "no results there"),
+        ("run push-25N --from-trial nowhere#c-mpc/1", "push-25N"),
+    ],
+)
+def test_a_bad_command_is_one_line_and_exit_code_2(line: str, words: str, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(line.split()) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and words in err
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("trial", ["c-mpc/3", "zd-pd/x", "zd-pd", "zd-pd/99999", "zdpd/1"])
+def test_an_unknown_trial_is_refused(trial: str, plan: Plan, tmp_path: Path, capsys) -> None:
+    with Store(tmp_path / FILE, write=True) as store:
+        store.set_plan(plan, {})
+    assert cli.main(["trials", "show", str(tmp_path), "--trial", trial]) == 2
+    assert "trial" in capsys.readouterr().err
+
+
+def test_an_unreachable_cluster_is_refused(monkeypatch) -> None:
+    pytest.importorskip("distributed")
+    from sim.trials import workers
+
+    monkeypatch.setattr(workers, "CONNECT_TIMEOUT", 0.5)
+    with pytest.raises(UserError, match=r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"):
+        workers.connect("tcp://127.0.0.1:9")
+
+
+def test_a_cluster_finds_the_same_though_a_worker_is_killed(plan: Plan, reference: list[TrialResult]) -> None:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        victims = list(client.run(os.getpid).values())
+
+        def kill(progress) -> None:
+            if progress.new == 4:
+                os.kill(victims[0], signal.SIGKILL)
+
+        assert same(run_plan(plan, client=client, report=kill)) == reference

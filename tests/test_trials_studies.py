@@ -1,0 +1,156 @@
+"""Studies without a walker: grids enumerate, margins bisect, draws have their distributions, statistics are right."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+
+from sim.scenario import Scenario
+from sim.trials import stats
+from sim.trials.grid import GridAxis, GridStudy, boundary
+from sim.trials.margin import MarginAxis, MarginStudy, bracket, margin, next_positions
+from sim.trials.montecarlo import MonteCarloStudy, RandomAxis
+
+SLOPE = ("plant.ground.slope",)
+
+
+def axis(**values: object) -> MarginAxis:
+    return MarginAxis(**{"paths": SLOPE, "nominal": 0.0, "low": -0.1, "high": 0.1, "tolerance": 0.001} | values)
+
+
+def search(one: MarginAxis, side: int, survives) -> dict[int, bool]:
+    """Run the search to its end, as a campaign does: what is next follows from what is known."""
+    known: dict[int, bool] = {}
+    while positions := next_positions(one, side, known):
+        assert not set(positions) & set(known)
+        known |= {position: survives(one.value(position)) for position in positions}
+    return known
+
+
+@given(edge=st.floats(0.0, 0.12), side=st.sampled_from([-1, 1]), scan=st.integers(1, 9))
+def test_the_margin_is_the_last_lattice_value_before_the_edge(edge: float, side: int, scan: int) -> None:
+    one = axis(scan=scan)
+    known = search(one, side, lambda value: abs(value) <= edge)
+    found = margin(one, side, {p: "" if ok else "fell" for p, ok in known.items()})
+    assert found.value is not None and abs(found.value) <= edge + 1e-12
+    if edge >= 0.1:
+        assert found.fell_at is None and abs(found.value) == pytest.approx(0.1)
+    else:
+        assert found.fell_at is not None and abs(found.fell_at) > edge
+        assert abs(found.fell_at - found.value) == pytest.approx(0.001)
+    assert found.again == ()
+    assert len(known) <= 1 + scan + math.ceil(math.log2(100)) + 1
+
+
+def test_survival_that_comes_back_is_found_and_said() -> None:
+    one = axis()
+    known = search(one, 1, lambda value: value < 0.033 or value > 0.07)
+    found = margin(one, 1, {p: "" if ok else "tripped" for p, ok in known.items()})
+    assert found.value == pytest.approx(0.032) and found.fell_at == pytest.approx(0.033)
+    assert found.again == pytest.approx((0.08, 0.1)) and found.reason == "tripped"
+
+
+def test_a_walker_that_falls_at_the_nominal_value_has_no_margin() -> None:
+    one = axis()
+    known = search(one, 1, lambda value: value > 0.05)
+    found = margin(one, 1, {p: "" if ok else "fell" for p, ok in known.items()})
+    assert found.value is None and found.fell_at == 0.0 and found.again
+
+
+def test_a_logarithmic_axis_is_even_in_ratio_and_meets_its_ends() -> None:
+    one = axis(paths=("plant.ground.stiffness_factor",), nominal=1.0, low=0.01, high=10.0, tolerance=0.1, scale="log")
+    low, high = one.ends
+    assert one.value(0) == 1.0
+    assert 0.01 <= one.value(low) < 0.011 and 9.0 < one.value(high) <= 10.0
+    assert one.value(7) / one.value(6) == pytest.approx(1.1)
+
+
+def test_an_axis_with_one_side_is_searched_on_that_side_alone() -> None:
+    one = axis(low=0.0)
+    assert next_positions(one, -1, {}) == [] and next_positions(one, 1, {})
+
+
+def test_places_and_indices_are_inverse() -> None:
+    study = MarginStudy(axes=(axis(low=-0.005), axis(low=0.0, high=0.003), axis(high=0.002)))
+    places = [study.place(index) for index in range(study.size)]
+    assert len(set(places)) == study.size
+    for number in range(3):
+        assert study.place(study.first_index(number)) == (number, 0)
+    with pytest.raises(IndexError):
+        study.place(study.size)
+
+
+def test_bracket_looks_outwards_from_the_nominal_value() -> None:
+    assert bracket(-1, {0: True, -4: True, -8: False, -9: True, 3: False}) == (-4, -8)
+
+
+@given(st.lists(st.integers(1, 4), min_size=1, max_size=3))
+def test_a_grid_has_every_combination_once_the_last_axis_fastest(counts: list[int]) -> None:
+    study = GridStudy(axes=tuple(GridAxis(paths=SLOPE, low=0.0, high=1.0, count=n) for n in counts))
+    points = [study.point(i) for i in range(study.size)]
+    assert study.size == math.prod(counts) == len(set(points))
+    assert points == sorted(points)
+
+
+def test_boundary_is_the_stretch_around_the_start() -> None:
+    alive = [True, False, True, True, True, False, True]
+    assert boundary(tuple(map(float, range(7))), alive, 3) == (2, 4)
+    assert boundary(tuple(map(float, range(7))), alive, 1) is None
+
+
+def draws(n: int = 4000, whole: bool = False, **values: object) -> list:
+    one = RandomAxis(paths=SLOPE, **values)
+    generator = np.random.default_rng(0)
+    return [one.draw(generator, whole=whole) for _ in range(n)]
+
+
+def test_draws_have_their_distributions() -> None:
+    normal = np.array(draws(distribution="normal", centre=2.0, spread=0.5))
+    assert normal.mean() == pytest.approx(2.0, abs=0.03) and normal.std() == pytest.approx(0.5, rel=0.05)
+    log = np.log(draws(distribution="log-normal", centre=3.0, spread=0.2))
+    assert log.mean() == pytest.approx(math.log(3.0), abs=0.02) and log.std() == pytest.approx(0.2, rel=0.05)
+    uniform = np.array(draws(distribution="uniform", low=-1.0, high=3.0))
+    assert uniform.min() >= -1 and uniform.max() <= 3 and uniform.mean() == pytest.approx(1.0, abs=0.08)
+    assert set(draws(distribution="choice", words=("a", "b"))) == {"a", "b"}
+    assert set(draws(distribution="uniform", low=0, high=2, whole=True)) == {0.0, 1.0, 2.0}
+    cut = np.array(draws(distribution="normal", centre=0.0, spread=1.0, low=0.0))
+    assert cut.min() >= 0.0 and cut.mean() == pytest.approx(math.sqrt(2 / math.pi), abs=0.04)
+
+
+def test_one_generator_draws_all_axes_of_a_trial_in_order() -> None:
+    one = RandomAxis(paths=SLOPE, distribution="uniform", low=0.0, high=1.0)
+    study = MonteCarloStudy(axes=(one, one))
+    a, b = study.draw(np.random.default_rng(7), Scenario())
+    assert (a, b) == tuple(np.random.default_rng(7).uniform(0.0, 1.0, 2))
+
+
+@pytest.mark.parametrize(
+    ("survived", "trials", "low", "high"),
+    [(0, 10, 0.0, 0.2775), (10, 10, 0.7225, 1.0), (81, 263, 0.2553, 0.3662)],
+)
+def test_wilson_is_the_published_interval(survived: int, trials: int, low: float, high: float) -> None:
+    """Last row: R. G. Newcombe, Statistics in Medicine 17 (1998), table I, method 3."""
+    assert stats.wilson(survived, trials) == pytest.approx((low, high), abs=1e-4)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), max_size=60))
+def test_mcnemar_is_the_binomial_test_of_the_discordant_pairs(pairs: list[tuple[bool, bool]]) -> None:
+    found = stats.mcnemar(pairs)
+    assert found.both + found.first + found.second + found.neither == len(pairs)
+    differ = found.first + found.second
+    expected = binomtest(found.first, differ).pvalue if differ else 1.0
+    assert found.p == pytest.approx(expected)
+
+
+def test_attribution_finds_the_axis_that_matters_and_tells_direction_from_distance() -> None:
+    generator = np.random.default_rng(3)
+    heavy, off, idle = generator.normal(size=(3, 600))
+    survived = [bool(h < 0.6 and abs(o) < 1.2) for h, o in zip(heavy, off, strict=True)]
+    found = {name: stats.attribute(name, list(x), survived) for name, x in zip("hoi", (heavy, off, idle), strict=True)}
+    assert found["h"].value < -0.4 and abs(found["h"].value) > abs(found["h"].deviation)
+    assert found["o"].deviation < -0.3 and abs(found["o"].value) < 0.2
+    assert found["i"].strength < 0.12 < found["o"].strength
+    assert stats.attribute("x", [1.0, 2.0, 3.0], [True, True, True]).strength == 0.0
