@@ -8,6 +8,7 @@ from controller.ltv.horizon import Ground, accelerate, look_ahead, new_horizon
 from controller.ltv.linearisation import N_Z, derive, from_output, impact_jacobian, new_derivatives, to_output
 
 STEP = 1e-6
+LEVEL = Ground(0.0, 0.0)
 Z = np.eye(N_Z)
 
 
@@ -35,7 +36,7 @@ def closed_loop(model, gait, gains):
         stage, f, force, per_torque = kernels.new_stage(), np.empty(N_Z), np.empty(2), np.empty((2, 4))
         q, dq = state_of(gait, z)
         kernels.place(q, dq, stage)
-        theta, dtheta = kernels.closed_loop(model.lumped, gait.table, gains, q, dq, stage)
+        _, dtheta = kernels.closed_loop(model.lumped, gait.table, gains, q, dq, stage)
         kernels.stance_force(model.lumped, stage, force)
         accelerate(gait.table, gains, dtheta, u_mpc, stage, f)
         kernels.responses(stage)
@@ -109,7 +110,7 @@ def test_derivative_of_the_impact(model, gait):
 def rollout(model, gait, gains):
     """z, plan, ground -> horizon."""
 
-    def roll(z, plan, ground=Ground(0.0, 0.0), linearise=False, h=2.5e-3, substeps=2):
+    def roll(z, plan, ground=LEVEL, linearise=False, h=2.5e-3, substeps=2):
         out = new_horizon(len(plan))
         q, dq = state_of(gait, z)
         look_ahead(model.lumped, gait.table, gains, ground, h, substeps, q, dq, plan, linearise, out)
@@ -127,7 +128,7 @@ def test_the_plain_rollout_is_the_linearised_ones(gait, model, rollout):
         np.testing.assert_array_equal(getattr(plain, name), getattr(full, name))
 
 
-def before_impact(gait, rollout, plan, ground=Ground(0.0, 0.0)):
+def before_impact(gait, rollout, plan, ground=LEVEL):
     """A disturbed state 12 stages before an impact."""
     z = z_of(gait, gait.q_minus, gait.dq_minus)
     z[8] -= 0.06

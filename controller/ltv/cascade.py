@@ -10,7 +10,7 @@ from controller.cascade import Friction
 from controller.gait import Gait
 from controller.kernels import Gains
 from controller.ltv import plan
-from controller.ltv.cost import Cost, excess
+from controller.ltv.cost import Cost
 from controller.ltv.horizon import Ground
 from controller.ltv.orbit import find_orbit
 from controller.ltv.sweep import residuals
@@ -108,14 +108,14 @@ class LtvCascade:
         old_leg = self.stance.leg
         state = self.stance.update(observation)
         w = self.workspace
-        plan.shift(w.plan, self._period / self._stage_time)
-        if state.leg is not old_leg:
+        exchanged = state.leg is not old_leg
+        if exchanged:
             self._touched_down(state)
-            plan.drop_to_exchange(w.plan, w.other.exchange)
         started = time.perf_counter()
         found = plan.improve(
             self.model.lumped, self.gait.table, self.gains, self.cost, self.orbit, self._ground_under(state),
-            self._stage_time / self._substeps, self._substeps, state.q, state.dq, w,
+            self._stage_time / self._substeps, self._substeps, state.q, state.dq,
+            exchanged, self._period / self._stage_time, w,
         )  # fmt: skip
         solve_s = time.perf_counter() - started
         u, z = w.other.u[0].copy(), w.other.z[0]
@@ -141,7 +141,7 @@ class LtvCascade:
             fallback=not found,
             iterations=int(abs(w.figures[3])),
             residuals=residuals(w.problem, w.state) if found else np.full(3, math.nan),
-            slack=self._slack(u_total, force),
+            slack=float(w.figures[4]) if found else 0.0,
             active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
             solve_s=solve_s,
         )
@@ -163,11 +163,3 @@ class LtvCascade:
         exchange = self.workspace.other.exchange
         first = int(exchange.argmax())
         return round((first + 1) * self._stage_time / TICK) if exchange[first] else -1
-
-    def _slack(self, u_total: Vector, force: Vector) -> float:
-        """How far the contact force expected now is beyond its limits in [N]."""
-        if self.cost.force_penalty == 0.0:
-            return 0.0
-        return max(0.0, *(excess(self.cost, u_total, force, row) for row in (8, 9, 10)))
-
-

@@ -1,13 +1,14 @@
 """The ZD+PD closed loop and its exact derivatives, in output coordinates z = (y, dy, theta, dtheta).
 
-In these coordinates the closed loop is linear but for the clock: ddy = -K_D dy - K_P y, and ddtheta follows from the one
-equation of motion that no torque enters. With J = H [I; -c_a/c_5] the link angles are
+In these coordinates the closed loop is linear but for the clock: ddy = -K_D dy - K_P y, and ddtheta follows from the
+one equation of motion that no torque enters. With J = H [I; -c_a/c_5] the link angles are
 
     phi = J (y + h(theta)) + theta/c_5,    j = dphi/dtheta = J h' + 1/c_5,
 
-so every derivative below is a product of the derivatives of the link torques tau(phi, dphi, ddphi) = D ddphi + C dphi + G,
-which are closed, with those of phi, dphi, ddphi in z. Predicted impacts enter by their saltation matrix: the Jacobian of
-the impact map with the shift of the impact's time (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, ch. 7).
+so every derivative below is a product of the derivatives of the link torques tau(phi, dphi, ddphi) = D ddphi + C dphi
++ G, which are closed, with those of phi, dphi, ddphi in z. Predicted impacts enter by their saltation matrix: the
+Jacobian of the impact map with the shift of the impact's time (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004,
+ch. 7).
 """
 
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller import kernels
-from controller.kernels import Array, Gains, GaitTable, Walker, compiled, cholesky5_solve
+from controller.kernels import Array, Gains, GaitTable, Walker, cholesky5_solve, compiled
 
 N_Z = 10
 Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z
@@ -64,7 +65,7 @@ def third_derivative(gait: GaitTable, theta: float, h3: Array) -> None:
 
 @compiled
 def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Array) -> None:
-    """z of a state (q, dq)."""
+    """Output coordinates of a state (q, dq)."""
     theta, dtheta = kernels.outputs(gait, q, dq, stage)
     for i in range(4):
         z[Y + i] = stage.y[i]
@@ -75,7 +76,7 @@ def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Arr
 
 @compiled
 def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
-    """(q, dq) of a z."""
+    """State (q, dq) of output coordinates."""
     theta, dtheta = z[THETA], z[DTHETA]
     s = (theta - gait.theta_start) / gait.theta_span
     degree = gait.poly.shape[1] - 1

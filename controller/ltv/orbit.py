@@ -54,7 +54,7 @@ def find_orbit(model: WalkerModel, gait: Gait) -> Orbit:
         q, dq, samples = _step(model.lumped, gait.table, gains, q, dq)
     s = (samples[:, 0] - gait.table.theta_start) / gait.table.theta_span
     poly = np.polynomial.polynomial.polyfit(s, samples[:, 1], DEGREE)
-    return Orbit(poly=poly, theta_start=gait.table.theta_start, theta_span=gait.table.theta_span)
+    return Orbit(poly=poly.astype(np.float64), theta_start=gait.table.theta_start, theta_span=gait.table.theta_span)
 
 
 @compiled

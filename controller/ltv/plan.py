@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from controller import kernels
 from controller.kernels import Array, Gains, GaitTable, Walker, compiled
-from controller.ltv.cost import ROWS, Cost, model, new_problem, objective
+from controller.ltv.cost import ROWS, TORQUE_ROWS, Cost, excess, model, new_problem, objective
 from controller.ltv.horizon import Ground, LtvHorizon, look_ahead, new_horizon
 from controller.ltv.orbit import Orbit
 from controller.ltv.sweep import LtvProblem, LtvState, new_state, solve
@@ -31,7 +31,8 @@ class Workspace(NamedTuple):
         other: Horizon under the candidate.
         problem: Quadratic model about the nominal.
         state: Guess and answer of the sweeps.
-        figures: Cost of the nominal, cost of the answer, share of the step taken, sweeps, (4,).
+        figures: Cost of the nominal, cost of the answer, share of the step taken, sweeps, and how far the contact force
+            expected now is beyond its limits in [N], (5,).
     """
 
     plan: Array
@@ -47,7 +48,7 @@ def new_workspace(N: int) -> Workspace:
     """Room for N stages, without a plan."""
     return Workspace(
         np.zeros((N, 4)), np.zeros((N, 4)), new_horizon(N), new_horizon(N), new_problem(N), new_state(N, ROWS),
-        np.zeros(4),
+        np.zeros(5),
     )  # fmt: skip
 
 
@@ -84,10 +85,29 @@ def into_box(cost: Cost, u: Array, first: Array) -> None:
 @compiled
 def improve(
     walker: Walker, gait: GaitTable, gains: Gains, cost: Cost, orbit: Orbit, ground: Ground, h: float, substeps: int,
-    q: Array, dq: Array, w: Workspace,
+    q: Array, dq: Array, exchanged: bool, share_of_stage: float, w: Workspace,
 ) -> bool:  # fmt: skip
-    """One iteration on w.plan; returns whether the nominal motion and the answer are finite."""
+    """One iteration on w.plan, which is a tick old; returns whether a finite motion was found.
+
+    Args:
+        walker: Lumped constants.
+        gait: Outputs.
+        gains: ZD+PD gains.
+        cost: What to minimise.
+        orbit: The clock's nominal rate.
+        ground: Where the swing foot lands.
+        h: Length of a substep in [s].
+        substeps: Of each stage.
+        q: Measured coordinates in [rad], (5,).
+        dq: Measured rates in [rad/s], (5,).
+        exchanged: Whether the legs have been exchanged since the last tick.
+        share_of_stage: A tick's share of a stage.
+        w: Plan, and room.
+    """
     N = w.plan.shape[0]
+    shift(w.plan, share_of_stage)
+    if exchanged:
+        drop_to_exchange(w.plan, w.other.exchange)
     stage = kernels.new_stage()
     kernels.place(q, dq, stage)
     kernels.closed_loop(walker, gait, gains, q, dq, stage)
@@ -116,10 +136,16 @@ def improve(
         look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.candidate, False, w.other)
         now = objective(cost, orbit, w.other, w.candidate)
         if now < best:
-            w.figures[1], w.figures[2] = now, share
+            best = now
             w.plan[:] = w.candidate
-            return True
+            break
         share *= 0.5
-    w.figures[1], w.figures[2] = best, 0.0
-    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, False, w.other)
+    else:
+        share = 0.0
+        look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, False, w.other)
+    w.figures[1], w.figures[2] = best, share
+    total = w.other.u[0] + w.plan[0]
+    w.figures[4] = 0.0
+    for row in range(TORQUE_ROWS, ROWS if cost.force_penalty > 0.0 else TORQUE_ROWS):
+        w.figures[4] = max(w.figures[4], excess(cost, total, w.other.force[0], row))
     return True

@@ -1,4 +1,4 @@
-"""Linear-quadratic problem over the stages of an `LtvHorizon`, with softened rows and a hard box on the first torque."""
+"""Linear-quadratic problem over the stages of an `LtvHorizon`; softened rows, and a hard box on the first torque."""
 
 from typing import NamedTuple
 
@@ -56,7 +56,8 @@ def new_state(N: int, r: int) -> LtvState:
     """Room for N stages, nothing active."""
     z = np.zeros
     return LtvState(
-        z((N, r), dtype=np.bool_), z(4, dtype=np.int8), z((N, 4)), z((N + 1, N_Z)), z((N, 4, N_Z)), z((N, 4)), z((4, 5)),
+        z((N, r), dtype=np.bool_), z(4, dtype=np.int8), z((N, 4)), z((N + 1, N_Z)), z((N, 4, N_Z)), z((N, 4)),
+        z((4, 5)),
     )  # fmt: skip
 
 
