@@ -47,15 +47,11 @@ def new_problem(N: int) -> LtvProblem:
 
 
 @compiled
-def excess(cost: Cost, u: Array, force: Array, row: int) -> float:
-    """How far a total torque u (4,) and its contact force (2,) are beyond the limit of a row; negative within."""
-    if row < 4:
-        return u[row] - cost.limit[row]
-    if row < 8:
-        return -u[row - 4] - cost.limit[row - 4]
-    if row == 8:
+def excess(cost: Cost, force: Array, row: int) -> float:
+    """How far a contact force (2,) is beyond a limit of it in [N]; negative within."""
+    if row == 0:
         return force[0] - cost.mu * force[1]
-    if row == 9:
+    if row == 1:
         return -force[0] - cost.mu * force[1]
     return cost.normal_min - force[1]
 
@@ -64,9 +60,7 @@ def excess(cost: Cost, u: Array, force: Array, row: int) -> float:
 def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
     """True cost of a predicted motion under a plan (N, 4)."""
     N = plan.shape[0]
-    rows = ROWS if cost.force_penalty > 0.0 else TORQUE_ROWS
     total = 0.0
-    u = np.empty(4)
     for k in range(N):
         z = h.z[k + 1]
         rate, _ = nominal_rate(orbit, z[8])
@@ -75,11 +69,13 @@ def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
         total += cost.error[k, 8] * (z[9] - rate) ** 2
         for i in range(4):
             total += cost.torque * plan[k, i] * plan[k, i]
-            u[i] = h.u[k, i] + plan[k, i]
-        for row in range(0 if k > 0 else TORQUE_ROWS, rows):  # the box of the first torque is hard
-            beyond = excess(cost, u, h.force[k], row)
-            if beyond > 0.0:
-                total += (cost.torque_penalty if row < TORQUE_ROWS else cost.force_penalty) * beyond * beyond
+            if k > 0:  # the box of the first torque is hard
+                beyond = max(0.0, abs(h.u[k, i] + plan[k, i]) - cost.limit[i])
+                total += cost.torque_penalty * beyond * beyond
+        if cost.force_penalty > 0.0:
+            for row in range(FORCE_ROWS):
+                beyond = max(0.0, excess(cost, h.force[k], row))
+                total += cost.force_penalty * beyond * beyond
     return 0.5 * total
 
 
@@ -87,7 +83,6 @@ def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
 def model(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array, p: LtvProblem) -> None:
     """The problem in deviations from a linearised horizon and its plan."""
     N = plan.shape[0]
-    u = np.empty(4)
     for row in range(ROWS):
         p.penalty[row] = cost.torque_penalty if row < TORQUE_ROWS else cost.force_penalty
     for i in range(4):
@@ -105,7 +100,6 @@ def model(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array, p: LtvProblem) -
         p.slope[k] = slope
         for i in range(4):
             p.linear[k, i] = cost.torque * plan[k, i]
-            u[i] = h.u[k, i] + plan[k, i]
         if k > 0:
             for i in range(4):
                 for m in range(10):
@@ -113,8 +107,8 @@ def model(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array, p: LtvProblem) -
                     p.rows_z[k, 4 + i, m] = -h.u_z[k, i, m]
                 p.rows_u[k, i, i] = 1.0
                 p.rows_u[k, 4 + i, i] = -1.0
-                p.limits[k, i] = -excess(cost, u, h.force[k], i)
-                p.limits[k, 4 + i] = -excess(cost, u, h.force[k], 4 + i)
+                p.limits[k, i] = cost.limit[i] - h.u[k, i] - plan[k, i]
+                p.limits[k, 4 + i] = cost.limit[i] + h.u[k, i] + plan[k, i]
         if cost.force_penalty > 0.0:
             for m in range(10):
                 t, n = h.force_z[k, 0, m], h.force_z[k, 1, m]
@@ -126,5 +120,5 @@ def model(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array, p: LtvProblem) -
                 p.rows_u[k, 8, m] = t - cost.mu * n
                 p.rows_u[k, 9, m] = -t - cost.mu * n
                 p.rows_u[k, 10, m] = -n
-            for row in range(TORQUE_ROWS, ROWS):
-                p.limits[k, row] = -excess(cost, u, h.force[k], row)
+            for row in range(FORCE_ROWS):
+                p.limits[k, TORQUE_ROWS + row] = -excess(cost, h.force[k], row)

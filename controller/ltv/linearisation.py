@@ -33,6 +33,8 @@ class Derivatives(NamedTuple):
         torque: du/dz of the ZD+PD torque in [N.m per unit of z], (4, 10).
         force: dF/dz of the stance force under that torque, (2, 10).
         force_u: dF/du in [1/m], (2, 4).
+        J, j: dphi/dy (5, 4) and dphi/dtheta (5,).
+        phi_z, dphi_z, ddphi_z, tau_z: Of the link angles, their rates, accelerations and torques, (5, 10); scratch.
     """
 
     clock: Array
@@ -42,13 +44,22 @@ class Derivatives(NamedTuple):
     torque: Array
     force: Array
     force_u: Array
+    J: Array
+    j: Array
+    phi_z: Array
+    dphi_z: Array
+    ddphi_z: Array
+    tau_z: Array
 
 
 @compiled
 def new_derivatives() -> Derivatives:
     """Allocate."""
-    e = np.empty
-    return Derivatives(e(10), e(4), e((4, 4)), e((4, 5)), e((4, 10)), e((2, 10)), e((2, 4)))
+    e, zeros = np.empty, np.zeros
+    return Derivatives(
+        e(10), e(4), e((4, 4)), e((4, 5)), e((4, 10)), e((2, 10)), e((2, 4)), e((5, 4)), e(5), zeros((5, 10)),
+        zeros((5, 10)), zeros((5, 10)), e((5, 10)),
+    )  # fmt: skip
 
 
 @compiled
@@ -121,8 +132,7 @@ def derive(
     out: Derivatives,
 ) -> None:  # fmt: skip
     """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `kernels.closed_loop`."""
-    J = np.empty((5, 4))
-    j = np.empty(5)
+    J, j, phi_z, dphi_z, ddphi_z, tau_z = out.J, out.j, out.phi_z, out.dphi_z, out.ddphi_z, out.tau_z
     h3 = np.empty(4)
     link_jacobian(gait, stage, J, j)
     third_derivative(gait, theta, h3)
@@ -130,9 +140,6 @@ def derive(
     for i in range(5):
         ddtheta += gait.clock[i] * stage.ddq[i]
     # Derivatives of phi, dphi, ddphi in z at fixed ddtheta, columns as z.
-    phi_z = np.zeros((5, N_Z))
-    dphi_z = np.zeros((5, N_Z))
-    ddphi_z = np.zeros((5, N_Z))
     for i in range(5):
         rate = 0.0
         acceleration = 0.0
@@ -149,7 +156,7 @@ def derive(
         ddphi_z[i, THETA] = acceleration
         ddphi_z[i, DTHETA] = 2.0 * rate
     # Link torques: tau_i = sum_j A_ij (cos_ij ddphi_j + sin_ij dphi_j^2) - g b_i sin phi_i.
-    tau_z = np.zeros((5, N_Z))
+    tau_z[:] = 0.0
     Dj = np.zeros(5)
     for i in range(5):
         own = -walker.gravity * walker.b[i] * stage.cos[i]
@@ -183,18 +190,17 @@ def derive(
         out.torque[i, DY + i] += walker.damping[i]
         out.torque[i, THETA] += walker.damping[i] * stage.h2[i] * dtheta
         out.torque[i, DTHETA] += walker.damping[i] * stage.h1[i]
-    for m in range(N_Z):
-        tangential = 0.0
-        normal = 0.0
-        for i in range(5):
-            b, s, c = walker.b[i], stage.sin[i], stage.cos[i]
-            square = stage.dphi[i] * stage.dphi[i]
-            tangential += b * ((c * square + s * stage.ddphi[i]) * phi_z[i, m] - c * ddphi_z[i, m])
-            tangential += b * 2.0 * s * stage.dphi[i] * dphi_z[i, m]
-            normal += b * ((s * square - c * stage.ddphi[i]) * phi_z[i, m] - s * ddphi_z[i, m])
-            normal -= b * 2.0 * c * stage.dphi[i] * dphi_z[i, m]
-        out.force[0, m] = tangential
-        out.force[1, m] = normal
+    out.force[:] = 0.0
+    for i in range(5):
+        b, sine, cosine = walker.b[i], stage.sin[i], stage.cos[i]
+        square = stage.dphi[i] * stage.dphi[i]
+        tangential = b * (cosine * square + sine * stage.ddphi[i])
+        normal = b * (sine * square - cosine * stage.ddphi[i])
+        tangential_rate = 2.0 * b * sine * stage.dphi[i]
+        normal_rate = -2.0 * b * cosine * stage.dphi[i]
+        for m in range(N_Z):
+            out.force[0, m] += tangential * phi_z[i, m] + tangential_rate * dphi_z[i, m] - b * cosine * ddphi_z[i, m]
+            out.force[1, m] += normal * phi_z[i, m] + normal_rate * dphi_z[i, m] - b * sine * ddphi_z[i, m]
     kernels.factor_inertia(stage)
     kernels.responses(stage)
     kernels.stance_force_per_torque(walker, stage, out.force_u)
@@ -205,14 +211,13 @@ def derive(
         out.clock_u[k] = clock
         for i in range(4):
             out.output_u[i, k] = stage.BtDinv[k, i] - stage.h1[i] * clock
-    add_held_torque(walker, gait, u_mpc, stage, phi_z, out)
+    add_held_torque(walker, gait, u_mpc, stage, out)
 
 
 @compiled
-def add_held_torque(
-    walker: Walker, gait: GaitTable, u_mpc: Array, stage: kernels.Stage, phi_z: Array, out: Derivatives
-) -> None:
+def add_held_torque(walker: Walker, gait: GaitTable, u_mpc: Array, stage: kernels.Stage, out: Derivatives) -> None:
     """What the inertia's dependence on posture adds: D a = B u_mpc gives D a_z = -(D_phi phi_z) a."""
+    phi_z = out.phi_z
     a = np.empty(5)  # link acceleration by u_mpc
     clock_a = 0.0
     for i in range(5):
@@ -221,15 +226,21 @@ def add_held_torque(
             a[i] += stage.link_BtDinv[k, i] * u_mpc[k]
     for k in range(4):
         clock_a += out.clock_u[k] * u_mpc[k]
+    change = np.empty((5, 5))  # of D a per link angle
+    for i in range(5):
+        own = 0.0
+        for k in range(5):
+            sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            change[i, k] = sine * a[k]
+            own += change[i, k]
+        change[i, i] -= own
     x, ddq = np.empty(5), np.empty(5)
     for column in range(5):
         m = Y + column if column < 4 else THETA
         for i in range(5):
-            v = 0.0
+            x[i] = 0.0
             for k in range(5):
-                sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
-                v -= sine * a[k] * (phi_z[k, m] - phi_z[i, m])
-            x[i] = v
+                x[i] -= change[i, k] * phi_z[k, m]
         cholesky5_solve(stage.L, x)
         for i in range(5):
             b, s, c = walker.b[i], stage.sin[i], stage.cos[i]
@@ -242,8 +253,8 @@ def add_held_torque(
         out.clock[m] += clock
         for i in range(4):
             out.output_z[i, column] = ddq[i] - stage.h1[i] * clock
-            if m == THETA:
-                out.output_z[i, column] -= stage.h2[i] * clock_a
+    for i in range(4):
+        out.output_z[i, 4] -= stage.h2[i] * clock_a
 
 
 @compiled

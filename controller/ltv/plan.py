@@ -1,8 +1,8 @@
 """One real-time iteration: shift the plan, linearise about it, solve, and step no further than the true cost falls.
 
-Re-linearising about the last plan alone diverges under large pushes. Here the nominal is the better of the shifted plan
-and no plan at all, and a Newton step is halved until the cost of the true rollout falls; where it never does, the
-nominal stays. So the cost of what is applied never exceeds that of ZD+PD saturated for one tick.
+Re-linearising about the last plan alone diverges under large pushes. Here a Newton step is halved until the cost of the
+true rollout falls, and where it never does the nominal stays. The nominal is the shifted plan; when that has
+disappointed (the last step was cut, the legs have been exchanged) it must beat having no plan at all.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from controller import kernels
 from controller.kernels import Array, Gains, GaitTable, Walker, compiled
-from controller.ltv.cost import ROWS, TORQUE_ROWS, Cost, excess, model, new_problem, objective
+from controller.ltv.cost import FORCE_ROWS, ROWS, Cost, excess, model, new_problem, objective
 from controller.ltv.horizon import Ground, LtvHorizon, look_ahead, new_horizon
 from controller.ltv.orbit import Orbit
 from controller.ltv.sweep import LtvProblem, LtvState, new_state, solve
@@ -112,20 +112,22 @@ def improve(
     kernels.place(q, dq, stage)
     kernels.closed_loop(walker, gait, gains, q, dq, stage)
     u = stage.u
-    w.candidate[:] = 0.0
-    into_box(cost, u, w.candidate[0])
     into_box(cost, u, w.plan[0])
-    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.candidate, False, w.other)
-    without = objective(cost, orbit, w.other, w.candidate)
-    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, False, w.other)
-    best = objective(cost, orbit, w.other, w.plan)
-    if not best < without:
-        w.plan[:] = w.candidate
-        best = without
+    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, True, w.nominal)
+    best = objective(cost, orbit, w.nominal, w.plan)
+    if exchanged or w.figures[2] < 1.0 or not np.isfinite(best):  # is the old plan any good?
+        w.candidate[:] = 0.0
+        into_box(cost, u, w.candidate[0])
+        look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.candidate, False, w.other)
+        without = objective(cost, orbit, w.other, w.candidate)
+        if not best <= without:
+            w.plan[:] = w.candidate
+            best = without
+            look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, True, w.nominal)
     w.figures[0] = best
     if not np.isfinite(best):
+        w.figures[2] = 0.0
         return False
-    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, True, w.nominal)
     model(cost, orbit, w.nominal, w.plan, w.problem)
     w.figures[3] = solve(w.problem, w.state, SWEEPS)
     share = 1.0
@@ -144,8 +146,8 @@ def improve(
         share = 0.0
         look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, False, w.other)
     w.figures[1], w.figures[2] = best, share
-    total = w.other.u[0] + w.plan[0]
     w.figures[4] = 0.0
-    for row in range(TORQUE_ROWS, ROWS if cost.force_penalty > 0.0 else TORQUE_ROWS):
-        w.figures[4] = max(w.figures[4], excess(cost, total, w.other.force[0], row))
+    if cost.force_penalty > 0.0:
+        for row in range(FORCE_ROWS):
+            w.figures[4] = max(w.figures[4], excess(cost, w.other.force[0], row))
     return True
