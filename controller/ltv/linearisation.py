@@ -33,8 +33,8 @@ class Derivatives(NamedTuple):
         torque: du/dz of the ZD+PD torque in [N.m per unit of z], (4, 10).
         force: dF/dz of the stance force under that torque, (2, 10).
         force_u: dF/du in [1/m], (2, 4).
-        J, j: dphi/dy (5, 4) and dphi/dtheta (5,).
-        phi_z, dphi_z, ddphi_z, tau_z: Of the link angles, their rates, accelerations and torques, (5, 10); scratch.
+        P, R, D: Derivatives of the five link torques and the two force components by phi, dphi, ddphi, (7, 5); scratch.
+        by_z: Derivatives of the same seven by z, (7, 10); scratch.
     """
 
     clock: Array
@@ -44,21 +44,19 @@ class Derivatives(NamedTuple):
     torque: Array
     force: Array
     force_u: Array
-    J: Array
-    j: Array
-    phi_z: Array
-    dphi_z: Array
-    ddphi_z: Array
-    tau_z: Array
+    P: Array
+    R: Array
+    D: Array
+    by_z: Array
 
 
 @compiled
 def new_derivatives() -> Derivatives:
     """Allocate."""
-    e, zeros = np.empty, np.zeros
+    e = np.empty
     return Derivatives(
-        e(10), e(4), e((4, 4)), e((4, 5)), e((4, 10)), e((2, 10)), e((2, 4)), e((5, 4)), e(5), zeros((5, 10)),
-        zeros((5, 10)), zeros((5, 10)), e((5, 10)),
+        e(10), e(4), e((4, 4)), e((4, 5)), e((4, 10)), e((2, 10)), e((2, 4)), e((7, 5)), e((7, 5)), e((7, 5)),
+        e((7, 10)),
     )  # fmt: skip
 
 
@@ -127,80 +125,100 @@ def link_jacobian(gait: GaitTable, stage: kernels.Stage, J: Array, j: Array) -> 
 
 
 @compiled
-def derive(
-    walker: Walker, gait: GaitTable, gains: Gains, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage,
-    out: Derivatives,
-) -> None:  # fmt: skip
-    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `kernels.closed_loop`."""
-    J, j, phi_z, dphi_z, ddphi_z, tau_z = out.J, out.j, out.phi_z, out.dphi_z, out.ddphi_z, out.tau_z
-    h3 = np.empty(4)
-    link_jacobian(gait, stage, J, j)
-    third_derivative(gait, theta, h3)
-    ddtheta = 0.0
-    for i in range(5):
-        ddtheta += gait.clock[i] * stage.ddq[i]
-    # Derivatives of phi, dphi, ddphi in z at fixed ddtheta, columns as z.
-    for i in range(5):
-        rate = 0.0
-        acceleration = 0.0
-        for k in range(4):
-            phi_z[i, Y + k] = J[i, k]
-            dphi_z[i, DY + k] = J[i, k]
-            ddphi_z[i, Y + k] = -J[i, k] * gains.kp[k]
-            ddphi_z[i, DY + k] = -J[i, k] * gains.kd[k]
-            rate += J[i, k] * stage.h2[k] * dtheta
-            acceleration += J[i, k] * (h3[k] * dtheta * dtheta + stage.h2[k] * ddtheta)
-        phi_z[i, THETA] = j[i]
-        dphi_z[i, THETA] = rate
-        dphi_z[i, DTHETA] = j[i]
-        ddphi_z[i, THETA] = acceleration
-        ddphi_z[i, DTHETA] = 2.0 * rate
-    # Link torques: tau_i = sum_j A_ij (cos_ij ddphi_j + sin_ij dphi_j^2) - g b_i sin phi_i.
-    tau_z[:] = 0.0
-    Dj = np.zeros(5)
+def times_J(gait: GaitTable, row: Array, out: Array) -> None:
+    """Row (5,) times J = dphi/dy, (4,): what the joints turn, and the torso that makes up for it in the clock."""
+    torso = -(row[0] + row[1] + row[2] + row[3] + row[4]) / gait.clock[4]
+    out[0] = row[0] + row[2] + torso * gait.clock[0]
+    out[1] = row[1] + row[3] + torso * gait.clock[1]
+    out[2] = row[2] + torso * gait.clock[2]
+    out[3] = row[3] + torso * gait.clock[3]
+
+
+@compiled
+def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array) -> None:
+    """Derivatives of link torques tau_i = sum_j A_ij (cos_ij ddphi_j + sin_ij dphi_j^2) - g b_i sin phi_i and force."""
     for i in range(5):
         own = -walker.gravity * walker.b[i] * stage.cos[i]
         for k in range(5):
             a = walker.A[i, k]
             cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
             sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
-            by_phi = sine * stage.ddphi[k] - cosine * stage.dphi[k] * stage.dphi[k]  # of phi_k, minus that of phi_i
-            by_rate = 2.0 * sine * stage.dphi[k]
-            if k == i:
-                by_phi = 0.0
-            own -= by_phi
-            Dj[i] += cosine * j[k]
-            for m in range(N_Z):
-                tau_z[i, m] += by_phi * phi_z[k, m] + by_rate * dphi_z[k, m] + cosine * ddphi_z[k, m]
-        for m in range(N_Z):
-            tau_z[i, m] += own * phi_z[i, m]
-    # No torque enters the sum of the link equations: it gives ddtheta.
-    denominator = Dj[0] + Dj[1] + Dj[2] + Dj[3] + Dj[4]
-    for m in range(N_Z):
-        total = tau_z[0, m] + tau_z[1, m] + tau_z[2, m] + tau_z[3, m] + tau_z[4, m]
-        out.clock[m] = -total / denominator
-        for i in range(5):
-            tau_z[i, m] += Dj[i] * out.clock[m]
-            ddphi_z[i, m] += j[i] * out.clock[m]
-        out.torque[0, m] = tau_z[0, m] + tau_z[2, m]
-        out.torque[1, m] = tau_z[1, m] + tau_z[3, m]
-        out.torque[2, m] = tau_z[2, m]
-        out.torque[3, m] = tau_z[3, m]
-    for i in range(4):
-        out.torque[i, DY + i] += walker.damping[i]
-        out.torque[i, THETA] += walker.damping[i] * stage.h2[i] * dtheta
-        out.torque[i, DTHETA] += walker.damping[i] * stage.h1[i]
-    out.force[:] = 0.0
+            D[i, k] = cosine
+            R[i, k] = 2.0 * sine * stage.dphi[k]
+            P[i, k] = 0.0
+            if k != i:
+                P[i, k] = sine * stage.ddphi[k] - cosine * stage.dphi[k] * stage.dphi[k]
+                own -= P[i, k]
+        P[i, i] = own
     for i in range(5):
         b, sine, cosine = walker.b[i], stage.sin[i], stage.cos[i]
         square = stage.dphi[i] * stage.dphi[i]
-        tangential = b * (cosine * square + sine * stage.ddphi[i])
-        normal = b * (sine * square - cosine * stage.ddphi[i])
-        tangential_rate = 2.0 * b * sine * stage.dphi[i]
-        normal_rate = -2.0 * b * cosine * stage.dphi[i]
-        for m in range(N_Z):
-            out.force[0, m] += tangential * phi_z[i, m] + tangential_rate * dphi_z[i, m] - b * cosine * ddphi_z[i, m]
-            out.force[1, m] += normal * phi_z[i, m] + normal_rate * dphi_z[i, m] - b * sine * ddphi_z[i, m]
+        P[5, i] = b * (cosine * square + sine * stage.ddphi[i])
+        P[6, i] = b * (sine * square - cosine * stage.ddphi[i])
+        R[5, i] = 2.0 * b * sine * stage.dphi[i]
+        R[6, i] = -2.0 * b * cosine * stage.dphi[i]
+        D[5, i] = -b * cosine
+        D[6, i] = -b * sine
+
+
+@compiled
+def derive(
+    walker: Walker, gait: GaitTable, gains: Gains, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage,
+    out: Derivatives,
+) -> None:  # fmt: skip
+    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `kernels.closed_loop`."""
+    P, R, D, by_z = out.P, out.R, out.D, out.by_z
+    h3, Jh1, Jh2, Jacc = np.empty(4), np.empty(5), np.empty(5), np.empty(5)
+    PJ, RJ, DJ, Dj = np.empty(4), np.empty(4), np.empty(4), np.empty(7)
+    third_derivative(gait, theta, h3)
+    ddtheta = 0.0
+    for i in range(5):
+        ddtheta += gait.clock[i] * stage.ddq[i]
+    inverse = 1.0 / gait.clock[4]
+    torso1, torso2, torso3 = inverse, 0.0, 0.0
+    rate, acceleration = np.empty(4), np.empty(4)
+    for k in range(4):
+        rate[k] = stage.h2[k] * dtheta
+        acceleration[k] = h3[k] * dtheta * dtheta + stage.h2[k] * ddtheta
+        torso1 -= gait.clock[k] * inverse * stage.h1[k]
+        torso2 -= gait.clock[k] * inverse * rate[k]
+        torso3 -= gait.clock[k] * inverse * acceleration[k]
+    spread(stage.h1, torso1, Jh1)  # j = dphi/dtheta
+    spread(rate, torso2, Jh2)  # dj/dt
+    spread(acceleration, torso3, Jacc)  # dddphi/dtheta at a given ddtheta
+    by_links(walker, stage, P, R, D)
+    for i in range(7):
+        times_J(gait, P[i], PJ)
+        times_J(gait, R[i], RJ)
+        times_J(gait, D[i], DJ)
+        for k in range(4):
+            by_z[i, Y + k] = PJ[k] - DJ[k] * gains.kp[k]
+            by_z[i, DY + k] = RJ[k] - DJ[k] * gains.kd[k]
+        by_theta, by_dtheta, total = 0.0, 0.0, 0.0
+        for k in range(5):
+            by_theta += P[i, k] * Jh1[k] + R[i, k] * Jh2[k] + D[i, k] * Jacc[k]
+            by_dtheta += R[i, k] * Jh1[k] + 2.0 * D[i, k] * Jh2[k]
+            total += D[i, k] * Jh1[k]
+        by_z[i, THETA] = by_theta
+        by_z[i, DTHETA] = by_dtheta
+        Dj[i] = total
+    # No torque enters the sum of the link equations: it gives ddtheta.
+    denominator = Dj[0] + Dj[1] + Dj[2] + Dj[3] + Dj[4]
+    for m in range(N_Z):
+        clock = -(by_z[0, m] + by_z[1, m] + by_z[2, m] + by_z[3, m] + by_z[4, m]) / denominator
+        out.clock[m] = clock
+        for i in range(7):
+            by_z[i, m] += Dj[i] * clock
+        out.torque[0, m] = by_z[0, m] + by_z[2, m]
+        out.torque[1, m] = by_z[1, m] + by_z[3, m]
+        out.torque[2, m] = by_z[2, m]
+        out.torque[3, m] = by_z[3, m]
+        out.force[0, m] = by_z[5, m]
+        out.force[1, m] = by_z[6, m]
+    for i in range(4):
+        out.torque[i, DY + i] += walker.damping[i]
+        out.torque[i, THETA] += walker.damping[i] * rate[i]
+        out.torque[i, DTHETA] += walker.damping[i] * stage.h1[i]
     kernels.factor_inertia(stage)
     kernels.responses(stage)
     kernels.stance_force_per_torque(walker, stage, out.force_u)
@@ -211,13 +229,24 @@ def derive(
         out.clock_u[k] = clock
         for i in range(4):
             out.output_u[i, k] = stage.BtDinv[k, i] - stage.h1[i] * clock
-    add_held_torque(walker, gait, u_mpc, stage, out)
+    add_held_torque(walker, gait, u_mpc, Jh1, stage, out)
 
 
 @compiled
-def add_held_torque(walker: Walker, gait: GaitTable, u_mpc: Array, stage: kernels.Stage, out: Derivatives) -> None:
+def spread(joints: Array, torso: float, links: Array) -> None:
+    """Link angles (or rates) of joint angles (4,) and a torso angle."""
+    links[0] = joints[0] + torso
+    links[1] = joints[1] + torso
+    links[2] = joints[0] + joints[2] + torso
+    links[3] = joints[1] + joints[3] + torso
+    links[4] = torso
+
+
+@compiled
+def add_held_torque(
+    walker: Walker, gait: GaitTable, u_mpc: Array, j: Array, stage: kernels.Stage, out: Derivatives
+) -> None:
     """What the inertia's dependence on posture adds: D a = B u_mpc gives D a_z = -(D_phi phi_z) a."""
-    phi_z = out.phi_z
     a = np.empty(5)  # link acceleration by u_mpc
     clock_a = 0.0
     for i in range(5):
@@ -226,27 +255,36 @@ def add_held_torque(walker: Walker, gait: GaitTable, u_mpc: Array, stage: kernel
             a[i] += stage.link_BtDinv[k, i] * u_mpc[k]
     for k in range(4):
         clock_a += out.clock_u[k] * u_mpc[k]
-    change = np.empty((5, 5))  # of D a per link angle
+    change = np.empty((7, 5))  # of -D a and of the force, per link angle
     for i in range(5):
         own = 0.0
         for k in range(5):
             sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
-            change[i, k] = sine * a[k]
-            own += change[i, k]
-        change[i, i] -= own
-    x, ddq = np.empty(5), np.empty(5)
+            change[i, k] = -sine * a[k]
+            own -= change[i, k]
+        change[i, i] += own
+        change[5, i] = walker.b[i] * stage.sin[i] * a[i]
+        change[6, i] = -walker.b[i] * stage.cos[i] * a[i]
+    by_z = out.by_z  # columns y, theta
+    ddq = np.empty(5)
+    x = np.empty((5, 5))  # a row a column of z
+    for i in range(7):
+        times_J(gait, change[i], by_z[i])
+        by_z[i, 4] = 0.0
+        for k in range(5):
+            by_z[i, 4] += change[i, k] * j[k]
     for column in range(5):
         m = Y + column if column < 4 else THETA
         for i in range(5):
-            x[i] = 0.0
-            for k in range(5):
-                x[i] -= change[i, k] * phi_z[k, m]
-        cholesky5_solve(stage.L, x)
+            x[column, i] = by_z[i, column]
+        cholesky5_solve(stage.L, x[column])
+        tangential, normal = by_z[5, column], by_z[6, column]
         for i in range(5):
-            b, s, c = walker.b[i], stage.sin[i], stage.cos[i]
-            out.force[0, m] += b * (s * a[i] * phi_z[i, m] - c * x[i])
-            out.force[1, m] -= b * (c * a[i] * phi_z[i, m] + s * x[i])
-        kernels.from_links(x, ddq)
+            tangential -= walker.b[i] * stage.cos[i] * x[column, i]
+            normal -= walker.b[i] * stage.sin[i] * x[column, i]
+        out.force[0, m] += tangential
+        out.force[1, m] += normal
+        kernels.from_links(x[column], ddq)
         clock = 0.0
         for i in range(5):
             clock += gait.clock[i] * ddq[i]
