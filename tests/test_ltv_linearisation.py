@@ -9,6 +9,7 @@ from controller.ltv.linearisation import N_Z, derive, from_output, impact_jacobi
 
 STEP = 1e-6
 LEVEL = Ground(0.0, 0.0)
+ANY = np.full(4, np.inf)  # [N.m] torque limits
 Z = np.eye(N_Z)
 
 
@@ -110,10 +111,10 @@ def test_derivative_of_the_impact(model, gait):
 def rollout(model, gait, gains):
     """z, plan, ground -> horizon."""
 
-    def roll(z, plan, ground=LEVEL, linearise=False, h=2.5e-3, substeps=2):
+    def roll(z, plan, ground=LEVEL, linearise=False, h=2.5e-3, substeps=2, limit=ANY):
         out = new_horizon(len(plan))
         q, dq = state_of(gait, z)
-        look_ahead(model.lumped, gait.table, gains, ground, h, substeps, q, dq, plan, linearise, out)
+        look_ahead(model.lumped, gait.table, gains, limit, ground, h, substeps, q, dq, plan, linearise, out)
         return out
 
     return roll
@@ -159,3 +160,12 @@ def test_the_horizon_predicts_what_a_change_does_through_an_impact(gait, rollout
         back = rollout(z - step * dz, plan - step * du, ground, False, h, substeps).z[-1]
         errors.append(relative(predicted, (forth - back) / (2 * step)))
     assert errors[0] < 0.04 and errors[1] < 0.01
+
+
+def test_the_plan_is_clipped_to_what_the_motors_can_do(gait, model, rollout):
+    limit = np.array([30.0, 20.0, 10.0, 5.0])
+    plan = np.random.default_rng(6).normal(0.0, 50.0, (40, 4))
+    wished = plan.copy()
+    out = rollout(z_of(gait, *gait.post_impact(model)), plan, limit=limit)
+    np.testing.assert_allclose(out.u + plan, np.clip(out.u + wished, -limit, limit), atol=1e-12)
+    assert (np.abs(out.u + wished) > limit).any() and (np.abs(out.u + wished) < limit).any()

@@ -20,7 +20,8 @@ class Cost(NamedTuple):
     Attributes:
         error: Weight on each error of each stage, (N, 9).
         torque: On u_mpc^2 in [1/(N.m)^2].
-        torque_penalty: On (torque beyond its limit)^2 in [1/(N.m)^2].
+        torque_penalty: On (torque beyond its limit)^2 in [1/(N.m)^2], in the quadratic model alone: a true motion keeps
+            the limits.
         force_penalty: On (force beyond its limit)^2 in [1/N^2]; 0 leaves the rows out.
         limit: Torque limits in [N.m], (4,).
         mu: Friction coefficient counted on.
@@ -58,7 +59,7 @@ def excess(cost: Cost, force: Array, row: int) -> float:
 
 @compiled
 def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
-    """True cost of a predicted motion under a plan (N, 4)."""
+    """True cost of a predicted motion under a plan (N, 4) that keeps the torque limits."""
     N = plan.shape[0]
     total = 0.0
     for k in range(N):
@@ -69,9 +70,6 @@ def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
         total += cost.error[k, 8] * (z[9] - rate) ** 2
         for i in range(4):
             total += cost.torque * plan[k, i] * plan[k, i]
-            if k > 0:  # the box of the first torque is hard
-                beyond = max(0.0, abs(h.u[k, i] + plan[k, i]) - cost.limit[i])
-                total += cost.torque_penalty * beyond * beyond
         if cost.force_penalty > 0.0:
             for row in range(FORCE_ROWS):
                 beyond = max(0.0, excess(cost, h.force[k], row))

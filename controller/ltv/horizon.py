@@ -204,21 +204,22 @@ def land(
 
 @compiled
 def look_ahead(
-    walker: Walker, gait: GaitTable, gains: Gains, ground: Ground, h: float, substeps: int, q0: Array, dq0: Array,
-    plan: Array, linearise: bool, out: LtvHorizon,
+    walker: Walker, gait: GaitTable, gains: Gains, limit: Array, ground: Ground, h: float, substeps: int, q0: Array,
+    dq0: Array, plan: Array, linearise: bool, out: LtvHorizon,
 ) -> None:  # fmt: skip
-    """Fill the horizon.
+    """Fill the horizon, and make the plan possible: ZD+PD and plan together stay within the torque limits.
 
     Args:
         walker: Lumped constants.
         gait: Outputs.
         gains: ZD+PD gains.
+        limit: Torque limits in [N.m], (4,).
         ground: Where the swing foot lands.
         h: Length of a substep in [s].
         substeps: Of each stage.
         q0: Measured coordinates in [rad], (5,).
         dq0: Measured rates in [rad/s], (5,).
-        plan: MPC torque of each stage in [N.m], (N, 4).
+        plan: MPC torque of each stage in [N.m], (N, 4); clipped so that the total at a stage's beginning is legal.
         linearise: Whether to fill the derivatives too.
         out: Filled.
     """
@@ -241,6 +242,9 @@ def look_ahead(
         out.exchange[k] = False
         for sub in range(substeps):
             theta, dtheta = kernels.closed_loop(walker, gait, gains, q, dq, stage)
+            if sub == 0:
+                for i in range(4):
+                    u_mpc[i] = min(max(u_mpc[i], -limit[i] - stage.u[i]), limit[i] - stage.u[i])
             accelerate(gait, gains, dtheta, u_mpc, stage, f)
             if sub == 0:
                 out.u[k] = stage.u

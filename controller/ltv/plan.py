@@ -1,7 +1,7 @@
 """One real-time iteration: shift the plan, linearise about it, solve, and step no further than the true cost falls.
 
 Re-linearising about the last plan alone diverges under large pushes. Here a Newton step is halved until the cost of the
-true rollout falls, and where it never does the nominal stays. The nominal is the shifted plan; when that has
+true rollout falls (torques clipped as the motors would), and where it never does the nominal stays. The nominal is the shifted plan; when that has
 disappointed (the last step was cut, the legs have been exchanged) it must beat having no plan at all.
 """
 
@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller import kernels
 from controller.kernels import Array, Gains, GaitTable, Walker, compiled
 from controller.ltv.cost import FORCE_ROWS, ROWS, Cost, excess, model, new_problem, objective
 from controller.ltv.horizon import Ground, LtvHorizon, look_ahead, new_horizon
@@ -76,13 +75,6 @@ def drop_to_exchange(plan: Array, exchange: NDArray[np.bool_]) -> None:
 
 
 @compiled
-def into_box(cost: Cost, u: Array, first: Array) -> None:
-    """Clip the first torque of a plan so that the total (ZD+PD u) is within its limits."""
-    for i in range(4):
-        first[i] = min(max(first[i], -cost.limit[i] - u[i]), cost.limit[i] - u[i])
-
-
-@compiled
 def improve(
     walker: Walker, gait: GaitTable, gains: Gains, cost: Cost, orbit: Orbit, ground: Ground, h: float, substeps: int,
     q: Array, dq: Array, exchanged: bool, share_of_stage: float, w: Workspace,
@@ -108,22 +100,16 @@ def improve(
     shift(w.plan, share_of_stage)
     if exchanged:
         drop_to_exchange(w.plan, w.other.exchange)
-    stage = kernels.new_stage()
-    kernels.place(q, dq, stage)
-    kernels.closed_loop(walker, gait, gains, q, dq, stage)
-    u = stage.u
-    into_box(cost, u, w.plan[0])
-    look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, True, w.nominal)
+    look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, True, w.nominal)
     best = objective(cost, orbit, w.nominal, w.plan)
     if exchanged or w.figures[2] < 1.0 or not np.isfinite(best):  # is the old plan any good?
         w.candidate[:] = 0.0
-        into_box(cost, u, w.candidate[0])
-        look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.candidate, False, w.other)
+        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.candidate, False, w.other)
         without = objective(cost, orbit, w.other, w.candidate)
         if not best <= without:
             w.plan[:] = w.candidate
             best = without
-            look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, True, w.nominal)
+            look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, True, w.nominal)
     w.figures[0] = best
     if not np.isfinite(best):
         w.figures[2] = 0.0
@@ -135,7 +121,7 @@ def improve(
         for k in range(N):
             for i in range(4):
                 w.candidate[k, i] = w.plan[k, i] + share * w.state.u[k, i]
-        look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.candidate, False, w.other)
+        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.candidate, False, w.other)
         now = objective(cost, orbit, w.other, w.candidate)
         if now < best:
             best = now
@@ -144,7 +130,7 @@ def improve(
         share *= 0.5
     else:
         share = 0.0
-        look_ahead(walker, gait, gains, ground, h, substeps, q, dq, w.plan, False, w.other)
+        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, False, w.other)
     w.figures[1], w.figures[2] = best, share
     w.figures[4] = 0.0
     if cost.force_penalty > 0.0:
