@@ -19,6 +19,7 @@ from controller.records import ControlStep, Observation, StanceState, Vector
 from controller.stance import StanceEstimator
 
 TICK = 1e-3  # [s] unit of `ControlStep.impact_in`
+BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
 BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
 
 
@@ -90,6 +91,7 @@ class LtvCascade:
                 ground stays level.
         """
         self.model, self.gait, self.gains = model, gait, gains
+        self._table = gait.table._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
         self.cost = weights.over(stages, model.torque_limits, friction)
         self.orbit = find_orbit(model, gait)
         self.stance = StanceEstimator(model)
@@ -113,7 +115,7 @@ class LtvCascade:
             self._touched_down(state)
         started = time.perf_counter()
         found = plan.improve(
-            self.model.lumped, self.gait.table, self.gains, self.cost, self.orbit, self._ground_under(state),
+            self.model.lumped, self._table, self.gains, self.cost, self.orbit, self._ground_under(state),
             self._stage_time / self._substeps, self._substeps, state.q, state.dq,
             exchanged, self._period / self._stage_time, w,
         )  # fmt: skip

@@ -226,6 +226,7 @@ def look_ahead(
     stage = kernels.new_stage()
     d = new_derivatives()
     q, dq = q0.copy(), dq0.copy()
+    u_mpc = np.empty(4)
     z, kept, f = np.empty(N_Z), np.empty(N_Z), np.empty(N_Z)
     AB, AB_kept = np.zeros((N_Z, COLUMNS)), np.empty((N_Z, COLUMNS))
     kernels.place(q, dq, stage)
@@ -233,7 +234,6 @@ def look_ahead(
     _, height, _ = clearance(walker, ground, stage)
     N = plan.shape[0]
     for k in range(N):
-        u_mpc = plan[k]
         if linearise:
             AB[:] = 0.0
             for i in range(N_Z):
@@ -242,9 +242,10 @@ def look_ahead(
         out.exchange[k] = False
         for sub in range(substeps):
             theta, dtheta = kernels.closed_loop(walker, gait, gains, q, dq, stage)
+            for i in range(4):
+                u_mpc[i] = min(max(plan[k, i], -limit[i] - stage.u[i]), limit[i] - stage.u[i])
             if sub == 0:
-                for i in range(4):
-                    u_mpc[i] = min(max(u_mpc[i], -limit[i] - stage.u[i]), limit[i] - stage.u[i])
+                plan[k] = u_mpc
             accelerate(gait, gains, dtheta, u_mpc, stage, f)
             if sub == 0:
                 out.u[k] = stage.u

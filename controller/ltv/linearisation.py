@@ -64,7 +64,8 @@ def new_derivatives() -> Derivatives:
 def third_derivative(gait: GaitTable, theta: float, h3: Array) -> None:
     """d3h_d/dtheta3, (4,)."""
     s = (theta - gait.theta_start) / gait.theta_span
-    degree = gait.poly.shape[1] - 1
+    inside = gait.s_first <= s <= gait.s_last
+    degree = gait.poly.shape[1] - 1 if inside else 0
     for i in range(4):
         v = 0.0
         for k in range(degree, 2, -1):
@@ -87,7 +88,8 @@ def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Arr
 def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
     """State (q, dq) of output coordinates."""
     theta, dtheta = z[THETA], z[DTHETA]
-    s = (theta - gait.theta_start) / gait.theta_span
+    wished = (theta - gait.theta_start) / gait.theta_span
+    s = min(max(wished, gait.s_first), gait.s_last)
     degree = gait.poly.shape[1] - 1
     q[4] = theta
     dq[4] = dtheta
@@ -97,7 +99,7 @@ def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
         for k in range(degree - 1, -1, -1):
             h1 = h1 * s + h
             h = h * s + gait.poly[i, k]
-        q[i] = z[Y + i] + h
+        q[i] = z[Y + i] + h + h1 * (wished - s)
         dq[i] = z[DY + i] + h1 / gait.theta_span * dtheta
         q[4] -= gait.clock[i] * q[i]
         dq[4] -= gait.clock[i] * dq[i]

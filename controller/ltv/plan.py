@@ -1,8 +1,9 @@
 """One real-time iteration: shift the plan, linearise about it, solve, and step no further than the true cost falls.
 
 Re-linearising about the last plan alone diverges under large pushes. Here a Newton step is halved until the cost of the
-true rollout falls (torques clipped as the motors would), and where it never does the nominal stays. The nominal is the shifted plan; when that has
-disappointed (the last step was cut, the legs have been exchanged) it must beat having no plan at all.
+true rollout falls, torques clipped as by the motors, and where it never does the nominal stays. The nominal is the
+shifted plan; when that has disappointed (the last step was cut, the legs have been exchanged) it must beat having no
+plan at all.
 """
 
 from typing import NamedTuple
