@@ -74,8 +74,8 @@ class LtvSettings:
         slope_memory: Share of the old belief about the ground's slope kept at a touch-down; 1 believes in level ground.
     """
 
-    stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 60
-    stage_time: Annotated[Second, POSITIVE] = 5e-3
+    stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 50
+    stage_time: Annotated[Second, POSITIVE] = 6e-3
     substeps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 2
     output: Annotated[float, Unit("1/rad^2"), NOT_NEGATIVE] = 1e5
     output_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 1e3
