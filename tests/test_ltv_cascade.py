@@ -114,3 +114,16 @@ def test_a_prediction_that_diverges_falls_back_to_saturated_zd_pd(belief):
     q, dq = belief.gait.post_impact(belief.model)
     step = controller.step(seen(q, dq * 1e200))
     assert step.fallback and step.status == "prediction-diverged"
+
+
+def test_the_log_may_ask_what_is_expected(belief):
+    """Tick by tick over 0.3 s, beginning with the present."""
+    controller = compose.build_controller(CALM.controller, belief)
+    q, dq = belief.gait.post_impact(belief.model)
+    q[0] += 0.05
+    step = controller.step(seen(q, dq))
+    y, force = step.plan.outputs(), step.plan.contact_forces()
+    assert y.shape == (301, 4) and force.shape == (300, 2)
+    np.testing.assert_allclose(y[0], step.y, atol=1e-12)
+    np.testing.assert_allclose(force[0], step.contact_force, atol=1e-12)
+    assert np.abs(y[-1]).max() < 0.5 * np.abs(y[0]).max()

@@ -18,7 +18,6 @@ from controller.model import WalkerModel
 from controller.records import ControlStep, Observation, StanceState, Vector
 from controller.stance import StanceEstimator
 
-TICK = 1e-3  # [s] unit of `ControlStep.impact_in`
 BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
 BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
 
@@ -56,6 +55,35 @@ class LtvWeights:
             mu=float(friction.mu) if friction else 0.0,
             normal_min=float(friction.normal_min) if friction else 0.0,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LtvPlan:
+    """What the controller expects, stage by stage, told tick by tick when somebody looks.
+
+    Attributes:
+        z: Output states at the beginning of each stage and at the end, (N + 1, 10).
+        force: Stance forces at the beginning of each stage in [N], (N, 2).
+        ticks_per_stage: Length of a stage in ticks.
+    """
+
+    z: Vector
+    force: Vector
+    ticks_per_stage: float
+
+    def outputs(self) -> Vector:
+        """Predicted outputs in [rad] at each tick, (ticks + 1, 4), stance order of its stage."""
+        stage = np.arange(self._ticks + 1) / self.ticks_per_stage
+        known = np.arange(len(self.z))
+        return np.column_stack([np.interp(stage, known, self.z[:, i]) for i in range(4)])
+
+    def contact_forces(self) -> Vector:
+        """Predicted stance contact forces over each tick, (tangential, normal) in [N], (ticks, 2)."""
+        return self.force[(np.arange(self._ticks) / self.ticks_per_stage).astype(int)]
+
+    @property
+    def _ticks(self) -> int:
+        return int(len(self.force) * self.ticks_per_stage + 1e-9)
 
 
 class LtvCascade:
@@ -139,14 +167,24 @@ class LtvCascade:
             s=self.gait.normalised(float(z[8])),
             contact_force=force,
             impact_in=self._impact_in(),
-            status="optimal" if found else "prediction-diverged",
+            status=self._status() if found else "prediction-diverged",
             fallback=not found,
             iterations=int(abs(w.figures[3])),
             residuals=residuals(w.problem, w.state) if found else np.full(3, math.nan),
             slack=float(w.figures[4]) if found else 0.0,
             active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
             solve_s=solve_s,
+            plan=self._plan() if found else None,
         )
+
+    def _status(self) -> str:
+        """Whether the quadratic model was solved and its whole step taken."""
+        _, _, share, sweeps, _ = self.workspace.figures
+        return "optimal" if share == 1.0 and sweeps > 0 else "suboptimal"
+
+    def _plan(self) -> LtvPlan:
+        ahead = self.workspace.other
+        return LtvPlan(z=ahead.z.copy(), force=ahead.force.copy(), ticks_per_stage=self._stage_time / self._period)
 
     def _touched_down(self, state: StanceState) -> None:
         """The old stance foot is now behind: the line between the feet is the ground."""
@@ -164,4 +202,4 @@ class LtvCascade:
     def _impact_in(self) -> int:
         exchange = self.workspace.other.exchange
         first = int(exchange.argmax())
-        return round((first + 1) * self._stage_time / TICK) if exchange[first] else -1
+        return round((first + 1) * self._stage_time / self._period) if exchange[first] else -1
