@@ -83,7 +83,7 @@ class LtvSettings:
     torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 1.0
     last: Annotated[Ratio, NOT_NEGATIVE] = 10.0
     torque_penalty: Annotated[float, Unit("1/(N.m)^2"), NOT_NEGATIVE] = 30.0
-    force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 10.0
+    force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
     slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
 
 
