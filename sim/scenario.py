@@ -80,7 +80,7 @@ class LtvSettings:
     output: Annotated[float, Unit("1/rad^2"), NOT_NEGATIVE] = 1e5
     output_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 1e3
     clock_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 3e4
-    torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 1.0
+    torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 0.1
     last: Annotated[Ratio, NOT_NEGATIVE] = 10.0
     torque_penalty: Annotated[float, Unit("1/(N.m)^2"), NOT_NEGATIVE] = 30.0
     force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
