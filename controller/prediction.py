@@ -10,6 +10,8 @@ from controller.gait import Gait
 from controller.model import WalkerModel
 from controller.records import StanceState, Vector
 
+ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Horizon:
@@ -44,8 +46,8 @@ class Horizon:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the prediction stayed finite; that of a fallen walker need not."""
-        return bool(np.isfinite(self.x[-1]).all() and np.isfinite(self.force).all())
+        """Whether the prediction stayed finite and within reason; that of a fallen walker need not."""
+        return bool(np.isfinite(self.x[-1]).all() and np.abs(self.force).max() < ABSURD)
 
     def outputs_under(self, u: Vector) -> Vector:
         """Outputs y_k + T/2 w_k under MPC torques, Eq. (15), in [rad], (N + 1, 4).

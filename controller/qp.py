@@ -192,12 +192,12 @@ class SparseSolver:
         u = result.x[: 4 * self._N].reshape(-1, 4) * _TORQUE_SCALE
         u = np.clip(u, problem.lower, problem.upper)
         residuals = np.array([result.primal_residual(), result.dual_residual(), result.duality_gap()])
-        extras = result.extras or {}
+        info = (result.extras or {}).get("info")  # PIQP's; the adapters of others do not hand a count on
         return Solution(
             found=True,
             u=u,
             status="optimal",
-            iterations=int(extras.get("iterations", 0)),
+            iterations=int(getattr(info, "iter", 0)),
             residuals=residuals,
             slack=float(problem.softening(u).max(initial=0.0)),
             active=count_active(problem, u),

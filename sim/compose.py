@@ -23,13 +23,18 @@ from sim.actuation import Actuation
 from sim.errors import UserError
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
+from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
 from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
+from sim.rig import Rig
+from sim.rigid import RigidPlant
 from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
+from sim.sections import Surface
 from sim.sensors import Sensors
+from sim.terrain import Terrain
 from sim.viewer import check_display, viewer
 
 __all__ = [
@@ -37,6 +42,7 @@ __all__ = [
     "ComparingSolver",
     "build_controller",
     "build_plant",
+    "build_rig",
     "compare_solvers",
     "exact_clarabel",
     "load_belief",
@@ -154,7 +160,7 @@ def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Ga
     )
 
 
-def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:
     """The plant a scenario asks for, not yet reset.
 
     Args:
@@ -165,7 +171,8 @@ def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPl
         UserError: a model file or a setting is not legal.
     """
     files = files or ModelFiles.of(scenario)
-    return MujocoPlant(
+    plant = RigidPlant if scenario.plant.kind == "rigid" else MujocoPlant
+    return plant(
         scenario.plant,
         files.mjcf,
         scenario.controller.period,
@@ -194,6 +201,29 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
     q, dq = q + np.array(scenario.start.q_offset), dq + np.array(scenario.start.dq_offset)
     q[-1] += scenario.start.torso_offset
     return q, dq
+
+
+def build_rig(scenario: Scenario) -> Rig:
+    """Plant and controller of a scenario for many runs.
+
+    Raises:
+        UserError: a file or a setting is not legal.
+    """
+    belief = load_belief(scenario)
+    plant = build_plant(scenario)
+    q, dq = belief.gait.post_impact(belief.model)
+    return Rig(
+        scenario=scenario,
+        plant=plant,
+        walker=lambda: instrument(plant, scenario),
+        controller=build_controller(scenario.controller, belief),
+        com=plant.com,
+        torque_limits=plant.torque_limits,
+        q_start=q,
+        dq_start=dq,
+        x_gait=np.concatenate((belief.gait.q_minus, belief.gait.dq_minus)),
+        surface=Surface(plant.legs, scenario.plant.ground.slope),
+    )
 
 
 def warm_up(controller: Controller, observation: Observation, announce: Announce | None = None) -> None:
@@ -269,17 +299,21 @@ def run_scenario(
 
     if log is None:
         return loop(tape or NoTape())
-    with Recorder(log, _header(scenario, belief, files), scenario.controller.period) as recorder:
+    with Recorder(log, _header(scenario, belief, plant, files), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, files: ModelFiles) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant, files: ModelFiles) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
-    model = belief.model
-    parts = {"femur": model.femur, "tibia": model.tibia}
-    legs = {f"{side}_{part}": link.length for side in ("left", "right") for part, link in parts.items()}
+    lengths = {
+        f"{leg}_{part}": length
+        for leg, both in zip(LEGS, plant.legs.lengths, strict=True)
+        for part, length in zip(("femur", "tibia"), both, strict=True)
+    }
+    walk_length = RUN_UP + LONGEST_STEP * scenario.steps
+    terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=walk_length)
     git = provenance.git_state()
     return RunHeader(
         scenario_name=scenario.name,
@@ -290,8 +324,8 @@ def _header(scenario: Scenario, belief: Belief, files: ModelFiles) -> RunHeader:
         git_dirty=git.dirty,
         platform=provenance.platform_name(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
-        link_lengths={"torso": 2.0 * model.torso.com, **legs},
-        slope=scenario.plant.ground.slope,
+        link_lengths={"torso": 2.0 * belief.model.torso.com, **lengths},
+        ground=terrain.outline(-RUN_UP, walk_length + RUN_UP),
         attachments={
             files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
             files.urdf.name: ("application/xml", files.urdf.read_bytes()),

@@ -118,8 +118,8 @@ def _shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if value is None else str(value)
 
 
-def apply(scenario: Scenario, found: argparse.Namespace) -> Scenario:
-    """The scenario with every setting changed that the command line gave.
+def changes(scenario: Scenario, found: argparse.Namespace) -> dict[str, Any]:
+    """Every setting that the command line gave, by dotted path.
 
     Raises:
         UserError: names the flag, the value, the unit and what is legal.
@@ -127,11 +127,21 @@ def apply(scenario: Scenario, found: argparse.Namespace) -> Scenario:
     given = {key.removeprefix(PREFIX): value for key, value in vars(found).items() if key.startswith(PREFIX)}
     rows = {row.path: row.spec for row in settings.table(scenario)}
     rows |= {row.path: row.spec for row in _further_tables(scenario, [f"--{path}" for path in given])}
-    changes = {path: value for path, value in given.items() if value is not None}
+    read = {path: value for path, value in given.items() if value is not None}
     try:
-        for path, value in changes.items():
+        for path, value in read.items():
             if isinstance(value, list):
-                changes[path] = from_text(value, rows[path], path)
-        return settings.with_values(scenario, changes)
+                read[path] = from_text(value, rows[path], path)
+        settings.with_values(scenario, read)
     except UserError as error:
         raise UserError(f"--{error}") from error
+    return read
+
+
+def apply(scenario: Scenario, found: argparse.Namespace) -> Scenario:
+    """The scenario with every setting changed that the command line gave.
+
+    Raises:
+        UserError: names the flag, the value, the unit and what is legal.
+    """
+    return settings.with_values(scenario, changes(scenario, found))

@@ -106,7 +106,7 @@ class PlantSettings:
     """The true walker and its world; what differs from the model here, the controller does not know.
 
     Attributes:
-        kind: Physics engine.
+        kind: MuJoCo with contact, or the paper's ideal walker: pinned stance foot, rigid instantaneous impact.
         timestep: Physics step; a whole number of them makes a control period.
         integrator: MuJoCo's integrator.
         saturation: Whether the motors saturate at their torque limits.
@@ -126,7 +126,7 @@ class PlantSettings:
         torque_limit_factor: Factors on the motors' torque limits.
     """
 
-    kind: Literal["mujoco"] = "mujoco"
+    kind: Literal["mujoco", "rigid"] = "mujoco"
     timestep: Annotated[Second, POSITIVE] = 0.25e-3
     integrator: Literal["implicitfast", "RK4", "implicit", "Euler"] = "implicitfast"
     saturation: bool = True

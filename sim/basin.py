@@ -1,0 +1,114 @@
+"""Basin of attraction: which torso offsets and first-step forces a walker comes back from.
+
+A constant horizontal force pushes the torso throughout the first step, and the first state is offset in one of two
+ways the paper's "we disturb q5" can be read. "q5": that coordinate alone; the joint angles stay, so the whole
+walker tilts about its stance foot, and for offsets above 0 the swing foot starts in the ground, which only a plant
+without contact can do. "torso": the torso tilts about the hip and the legs stay where they are.
+
+A run ends as converged when the state just before an impact comes within epsilon of the periodic one, as fallen
+when it falls, and as undecided after a limit of steps.
+"""
+
+import functools
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim import poincare
+from sim.errors import UserError
+from sim.interface import Vector
+from sim.outcome import Outcome
+from sim.rig import Rig
+from sim.scenario import Push, from_toml
+
+AXES = {"q5": np.array([0.0, 0.0, 0.0, 0.0, 1.0]), "torso": np.array([-1.0, -1.0, 0.0, 0.0, 1.0])}
+"""Offset of the five angles per offset of the torso, body order."""
+
+EPSILON = 0.05  # [rad], rates in units of `poincare.RATE_SCALE`
+STEPS = 25
+SETTLING, KEPT = 25, 10  # steps of the undisturbed walk, and of those whose mean is the periodic state
+
+
+class Fate(IntEnum):
+    """How a run of the grid ended."""
+
+    FELL = 0
+    CONVERGED = 1
+    UNDECIDED = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Grid:
+    """Points of the plane.
+
+    Attributes:
+        torso: Offsets of the torso angle in [rad], ascending, (m,).
+        force: Forces throughout the first step in [N], ascending, positive forward, (n,).
+    """
+
+    torso: Vector
+    force: Vector
+
+    @classmethod
+    def of(cls, torso: tuple[float, float, int], force: tuple[float, float, int]) -> "Grid":
+        """An even grid from (first, last, number) of each axis."""
+        return cls(torso=np.linspace(*torso), force=np.linspace(*force))
+
+    @property
+    def cell(self) -> float:
+        """Area that one point stands for in [rad N]."""
+        return float((self.torso[1] - self.torso[0]) * (self.force[1] - self.force[0]))
+
+
+def column(
+    scenario: str, axis: str, torso: float, force: list[float], epsilon: float = EPSILON, steps: int = STEPS
+) -> dict[str, NDArray[np.int64]]:
+    """One column of the map: every force at one torso offset.
+
+    Args:
+        scenario: The scenario as TOML: walker, controller, plant; its own pushes and offsets play no part.
+        axis: A name in `AXES`.
+        torso: Offset of the torso angle in [rad].
+        force: Forces in [N], (n,).
+        epsilon: Distance from the periodic state that counts as converged in [rad].
+        steps: Limit of steps.
+
+    Returns:
+        "fate" (n,) as values of `Fate` and "steps" (n,), the steps taken.
+    """
+    rig, periodic = _prepared(scenario)
+    fates, taken = zip(*(_try(rig, periodic, torso * AXES[axis], f, epsilon, steps) for f in force), strict=True)
+    return {"fate": np.array(fates), "steps": np.array(taken)}
+
+
+@functools.lru_cache(maxsize=4)
+def _prepared(scenario: str) -> tuple[Rig, Vector]:
+    from sim.compose import build_rig
+
+    rig = build_rig(from_toml(scenario))
+    try:
+        return rig, rig.settled(SETTLING, KEPT).mean(axis=0)
+    except poincare.Fell as fall:
+        raise UserError(f"no basin: the undisturbed walk {fall}") from fall
+
+
+def _try(rig: Rig, periodic: Vector, offset: Vector, force: float, epsilon: float, steps: int) -> tuple[Fate, int]:
+    tape = rig.sections()
+    seen = 0
+
+    def converged() -> str | None:
+        nonlocal seen
+        if len(tape.states) == seen:
+            return None
+        seen = len(tape.states)
+        return "converged" if poincare.distance(tape.states[-1], periodic) < epsilon else None
+
+    push = Push(force=force, body="torso", step=1)
+    summary = rig.run(tape, q=rig.q_start + offset, torso_offset=0.0, pushes=(push,), steps=steps, stop=converged)
+    fate = {
+        Outcome.INTERRUPTED.value: Fate.CONVERGED,
+        Outcome.COMPLETED.value: Fate.UNDECIDED,
+    }.get(summary.outcome, Fate.FELL)
+    return fate, summary.steps

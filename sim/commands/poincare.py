@@ -1,0 +1,166 @@
+"""`cmpc poincare`: fixed point and eigenvalues of a scenario's step-to-step map."""
+
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from sim import flags, settings
+from sim.errors import UserError
+from sim.scenario import Scenario, load
+
+DEFAULT = "undisturbed"
+SETTLING = 60  # steps of the free walk whose scatter is reported
+KEPT = 20
+
+EPILOG = """\
+The map takes the state just before an impact to the state just before the next one, undisturbed: pushes and
+start offsets of the scenario play no part. Flags override the scenario:
+
+  cmpc poincare                                     the gait under C-MPC on MuJoCo
+  cmpc poincare --plant.kind rigid --controller zd-pd
+  cmpc poincare payload-x2 --plant.kind rigid --json
+
+exit code: 0 a fixed point was found, 1 none was found (the walker falls), 2 bad input
+"""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run `cmpc poincare`; returns the exit code."""
+    found = _parser(Scenario(), argv).parse(argv)
+    scenario = load(found.scenario)
+    if found.help:
+        _parser(scenario, argv).print_help()
+        return 0
+    scenario = flags.apply(scenario, found)
+    if found.step_size is not None and not 0.0 < found.step_size < 1.0:
+        raise UserError(f"--step-size {found.step_size:g} rad: must be above 0 and below 1 [rad]")
+    _check_legs(scenario)
+    report = analyse(scenario, step_size=found.step_size, quiet=found.quiet or found.json)
+    print(json.dumps(report) if found.json else _text(report, scenario))
+    return 0 if report["converged"] else 1
+
+
+def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
+    parser = flags.Parser(
+        prog="cmpc poincare",
+        usage="cmpc poincare [NAME|FILE.toml] [options]",
+        description="Stability of a scenario's gait: fixed point and eigenvalues of the step-to-step map.",
+        epilog=EPILOG,
+    )
+    text = f"a shipped scenario (cmpc run --list) or a scenario file (default: {DEFAULT})"
+    parser.add_argument("scenario", nargs="?", default=DEFAULT, metavar="NAME|FILE.toml", help=text)
+    own = parser.add_argument_group("options")
+    own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
+    text = "use this perturbation only, without the step-size study"
+    own.add_argument("--step-size", type=float, metavar="rad", help=text)
+    own.add_argument("--json", action="store_true", help="print the result as one JSON object")
+    own.add_argument("--quiet", action="store_true", help="show no progress")
+    flags.add_settings(parser, scenario, argv)
+    return parser
+
+
+def _check_legs(scenario: Scenario) -> None:
+    """A step map needs legs that are alike: otherwise a step with the left leg leads to one of another map."""
+    values = {row.path: row.value for row in settings.table(scenario)}
+    for path, value in values.items():
+        twin = path.replace(".left_", ".right_")
+        if values[twin] != value:
+            raise UserError(
+                f"--{path.replace('_', '-')} {value}: the legs must be alike for a step map; "
+                f"--{twin.replace('_', '-')} is {values[twin]}"
+            )
+
+
+def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool = True) -> dict[str, Any]:
+    """Fixed point, eigenvalues and error figures of a scenario as a plain dict.
+
+    Args:
+        scenario: Walker, controller, plant.
+        step_size: The one perturbation to use in [rad]; None for the step-size study.
+        quiet: Whether to show no progress on stderr.
+    """
+    from sim import poincare
+    from sim.compose import build_rig
+
+    def say(text: str) -> None:
+        if not quiet and sys.stderr.isatty():
+            print(f"\r{text:<60}", end="", file=sys.stderr, flush=True)
+
+    rig = build_rig(scenario)
+    say("searching the fixed point")
+    point = poincare.find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
+    report: dict[str, Any] = {
+        "converged": point.converged,
+        "fixed_point": point.x.tolist(),
+        "residual": point.residual,
+        "settling_steps": point.iterations[0],
+        "newton_steps": point.iterations[1],
+        "message": point.message,
+    }
+    try:
+        scatter = poincare.scaled(rig.settled(SETTLING, KEPT)).std(axis=0)
+        report["free_walk_scatter"] = float(math.hypot(*scatter))
+    except poincare.Fell as fall:
+        report["free_walk_scatter"], report["free_walk"] = None, str(fall)
+    if point.converged:
+        sizes = poincare.STEP_SIZES if step_size is None else (step_size,)
+        try:
+            stability = poincare.analyse(
+                rig.step_map,
+                rig.surface,
+                point.x,
+                step_sizes=sizes,
+                progress=lambda done, of: say(f"step-size study: {done} of {of}"),
+            )
+        except poincare.Fell as fall:
+            report["message"] = str(fall)
+        else:
+            report |= {
+                "largest": stability.largest,
+                "eigenvalues": [[value.real, value.imag] for value in stability.eigenvalues.tolist()],
+                "step_size": stability.h,
+                "spread": stability.spread,
+                "roughness": stability.roughness,
+                "study": [dataclasses.asdict(row) for row in stability.study],
+            }
+    say("")
+    if not quiet and sys.stderr.isatty():
+        print("\r", end="", file=sys.stderr)
+    return report
+
+
+def _text(report: dict[str, Any], scenario: Scenario) -> str:
+    head = f"{scenario.name}, {scenario.controller.kind}, {scenario.plant.kind} plant"
+    lines = [head]
+
+    def row(name: str, text: str) -> None:
+        lines.append(f"  {name:<24}{text}")
+
+    if report["converged"]:
+        walked, newton = report["settling_steps"], report["newton_steps"]
+        row("fixed point", f"found in {walked} steps of walking and {newton} of Newton")
+    else:
+        row("fixed point", f"none found: {report['message']}")
+    row("residual", f"{report['residual']:.1e} rad (rates in units of 4 rad/s)")
+    x = report["fixed_point"]
+    row("q before impact", " ".join(f"{value: .5f}" for value in x[:5]) + "  rad")
+    row("dq before impact", " ".join(f"{value: .5f}" for value in x[5:]) + "  rad/s")
+    if report["free_walk_scatter"] is None:
+        row("free walk", report["free_walk"])
+    else:
+        scatter = report["free_walk_scatter"]
+        row("scatter of a free walk", f"{scatter:.1e} rad, as the phase of ticks and impacts drifts")
+    if "largest" in report:
+        spread = f" +- {report['spread']:.1g}" if len(report["study"]) > 1 else ""
+        row("largest |eigenvalue|", f"{report['largest']:.4f}{spread}, perturbation {report['step_size']:g} rad")
+        magnitudes = sorted((math.hypot(*value) for value in report["eigenvalues"]), reverse=True)
+        row("all |eigenvalues|", " ".join(f"{value:.3f}" for value in magnitudes))
+        row("roughness of the map", f"{report['roughness']:.1e} rad at perturbations of 1e-4 rad")
+        lines.append("  step-size study")
+        for entry in report["study"]:
+            value = "falls" if entry["largest"] is None else f"{entry['largest']:.5f}"
+            lines.append(f"    {entry['h']:<8g} rad  {value}")
+    return "\n".join(lines)

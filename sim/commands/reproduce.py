@@ -1,0 +1,134 @@
+"""`cmpc reproduce`: the paper's figures and tables again, on both plants, with a verdict for each claim."""
+
+import difflib
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sim import flags
+from sim.bar import cost_bar
+from sim.errors import UserError
+from sim.reproduce import EXPERIMENTS
+from sim.scenario import Scenario
+
+OUT, OUT_QUICK = Path("logs/reproduce"), Path("logs/reproduce-quick")
+WIDTH = 200  # columns of a table that goes to a file
+
+EPILOG = """\
+Results are kept in the output folder: an interrupted reproduction goes on where it stopped, and one whose inputs
+did not change does nothing again. A setting given as a flag is changed in every run, so that one can ask what a
+claim hangs on; --out then keeps the results apart:
+
+  cmpc reproduce all
+  cmpc reproduce fig4 table2 --quick
+  cmpc reproduce fig5 --controller.kp 0 0 0 0 --out logs/without-kp
+
+exit code: 0 done, whatever the verdicts; 2 bad input, 130 interrupted (run it again to go on)
+"""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run `cmpc reproduce`; returns the exit code."""
+    parser = _parser(argv)
+    found = parser.parse(argv)
+    if found.help:
+        parser.print_help()
+        return 0
+    names = _names(found.experiments)
+    if found.workers < 1:
+        raise UserError(f"--workers {found.workers}: must be 1 or above [processes]")
+    changes = flags.changes(Scenario(), found)
+    out = Path(found.out) if found.out is not None else OUT_QUICK if found.quick else OUT
+    return _reproduce(names, out, changes, quick=found.quick, workers=found.workers, silent=found.quiet)
+
+
+def _parser(argv: Sequence[str]) -> flags.Parser:
+    parser = flags.Parser(
+        prog="cmpc reproduce",
+        usage="cmpc reproduce [all|EXPERIMENT ...] [options]",
+        description="The paper's figures and tables again, on its own kind of plant and on MuJoCo.\n\nexperiments:\n"
+        + "\n".join(f"  {name:<10}{title}" for name, title in EXPERIMENTS.items()),
+        epilog=EPILOG,
+    )
+    text = "what to reproduce (default: all)"
+    parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help=text)
+    own = parser.add_argument_group("options")
+    own.add_argument("-h", "--help", action="store_true", help="show this help")
+    own.add_argument("--quick", action="store_true", help="coarse versions, in a minute or two")
+    text = f"folder for results (default: {OUT}, with --quick {OUT_QUICK})"
+    own.add_argument("--out", metavar="FOLDER", help=text)
+    text = "worker processes (default: one for each core)"
+    own.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="INT", help=text)
+    own.add_argument("--quiet", action="store_true", help="show no progress")
+    flags.add_settings(parser, Scenario(), argv)
+    return parser
+
+
+def _names(given: Sequence[str]) -> list[str]:
+    for name in given:
+        if name != "all" and name not in EXPERIMENTS:
+            near = difflib.get_close_matches(name, EXPERIMENTS, n=1)
+            guess = f"; did you mean {near[0]}?" if near else ";"
+            raise UserError(f"no experiment {name!r}{guess} There are: all, {', '.join(EXPERIMENTS)}")
+    return [name for name in EXPERIMENTS if not given or "all" in given or name in given]
+
+
+def _reproduce(
+    names: Sequence[str], out: Path, changes: Mapping[str, Any], *, quick: bool, workers: int, silent: bool
+) -> int:
+    from sim.reproduce import draw, report, tasks
+    from sim.reproduce.study import Effort, Evaluation
+
+    draw.require()
+    store = tasks.Store(out / "tasks")
+    effort = Effort(quick=quick, changes=changes)
+    modules = {name: importlib.import_module(f"sim.reproduce.{name}") for name in names}
+    wanted = {name: module.tasks(effort) for name, module in modules.items()}
+    everything = {f"{name}:{key}": task for name, some in wanted.items() for key, task in some.items()}
+    open_tasks = {name: len(some) for name, some in wanted.items()}
+    done: dict[str, Evaluation] = {}
+
+    def finished(task: str) -> None:
+        name = task.partition(":")[0]
+        open_tasks[name] -= 1
+        if open_tasks[name]:
+            return
+        results = {}
+        for key, item in wanted[name].items():
+            result = store.get(item)
+            if result is None:
+                raise UserError(f"{store.path(item)}: a result that was just written cannot be read")
+            results[key] = result
+        done[name] = modules[name].evaluate(results, effort)
+        report.write(name, done[name], out, quick=quick)
+
+    with cost_bar("reproducing", quiet=silent) as show:
+        tasks.run(everything, store, workers=workers, progress=show, finished=finished)
+    ordered = {name: done[name] for name in names}
+    page = report.write_page(ordered, out, quick=quick)
+    _print_verdicts(ordered)
+    print(f"\npage: {page}\ndata: {out / 'data'}", flush=True)
+    return 0
+
+
+def _print_verdicts(found: Mapping[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title_justify="left")
+    for header in ("experiment", "claim", "paper", "rigid plant", "MuJoCo", "holds"):
+        table.add_column(header, overflow="fold", no_wrap=header == "experiment")
+    words = {True: ("yes", "green"), False: ("no", "red"), None: ("-", "dim")}
+    for name, evaluation in found.items():
+        for number, verdict in enumerate(evaluation.verdicts):
+            findings = (verdict.rigid, verdict.mujoco)
+            holds = Text(" / ").join(Text(*words[finding.holds]) for finding in findings)
+            texts = [Text(finding.text, style="" if finding.holds else "red") for finding in findings]
+            table.add_row(name if number == 0 else "", Text(verdict.claim), Text(verdict.paper), *texts, holds)
+        table.add_section()
+    width = None if sys.stdout.isatty() else WIDTH
+    Console(file=sys.stdout, highlight=False, width=width).print(table)

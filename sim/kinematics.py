@@ -1,0 +1,73 @@
+"""Where hip, knees and feet of the planar walker are: closed forms over angles measured from "up".
+
+A link at absolute angle phi points along (-sin phi, cos phi). Joint vectors are ordered as
+`sim.interface.COORDINATES`; points are (x, z) in [m] relative to the hip.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.interface import Vector
+
+LEFT, RIGHT = range(2)
+LEGS = ("left", "right")
+TORSO = 4
+HIP_OF = (0, 1)
+"""Index of each leg's hip angle in a joint vector."""
+KNEE_OF = (2, 3)
+"""Index of each leg's knee angle."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LegGeometry:
+    """Lengths of the legs.
+
+    Attributes:
+        lengths: (hip to knee, knee to foot point) in [m] of the left, then of the right leg.
+    """
+
+    lengths: tuple[tuple[float, float], tuple[float, float]]
+
+    @classmethod
+    def of(cls, model: Any) -> "LegGeometry":
+        """The lengths in a compiled MuJoCo model of the walker."""
+        left, right = (
+            (float(model.body(f"{leg}_tibia").pos[2]), float(model.geom(f"{leg}_foot").pos[2])) for leg in LEGS
+        )
+        return cls(lengths=(left, right))
+
+    @property
+    def alike(self) -> bool:
+        """Whether both legs have the same lengths."""
+        return self.lengths[LEFT] == self.lengths[RIGHT]
+
+    def foot(self, q: Vector, leg: int) -> Vector:
+        """Foot point of a leg from the hip in [m], (2,)."""
+        femur, tibia = self.lengths[leg]
+        a = float(q[TORSO] + q[HIP_OF[leg]])
+        b = a + float(q[KNEE_OF[leg]])
+        return np.array([-femur * math.sin(a) - tibia * math.sin(b), femur * math.cos(a) + tibia * math.cos(b)])
+
+    def foot_jacobian(self, q: Vector, leg: int) -> Vector:
+        """Change of the foot point from the hip per joint angle in [m/rad], (2, 5)."""
+        a = float(q[TORSO] + q[HIP_OF[leg]])
+        b = a + float(q[KNEE_OF[leg]])
+        femur, tibia = self.lengths[leg]
+        shin = np.array([-tibia * math.cos(b), -tibia * math.sin(b)])
+        whole = shin + np.array([-femur * math.cos(a), -femur * math.sin(a)])
+        J = np.zeros((2, 5))
+        J[:, HIP_OF[leg]] = J[:, TORSO] = whole
+        J[:, KNEE_OF[leg]] = shin
+        return J
+
+    def swing_foot(self, q: Vector, stance: int) -> tuple[float, float]:
+        """Swing foot from stance foot: p_2^h and p_2^v of Eq. (4) in [m]."""
+        x, z = self.foot(q, 1 - stance) - self.foot(q, stance)
+        return float(x), float(z)
+
+    def swing_foot_jacobian(self, q: Vector, stance: int) -> Vector:
+        """Its change per joint angle in [m/rad], (2, 5)."""
+        return self.foot_jacobian(q, 1 - stance) - self.foot_jacobian(q, stance)

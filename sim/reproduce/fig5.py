@@ -1,0 +1,145 @@
+"""Fig. 5: deviation from the gait under 25 N throughout the second step, and what remains undisturbed."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sim.reproduce.measure import OUTCOMES
+from sim.reproduce.panels import JOINT_STYLES, LinePanel, Series, Span, same_scale, thinned
+from sim.reproduce.study import (
+    CONTROLLER_NAMES,
+    CONTROLLERS,
+    JOINT_NAMES,
+    PLANT_NAMES,
+    PLANTS,
+    Arrays,
+    Effort,
+    Evaluation,
+    Finding,
+    Results,
+    Task,
+    Verdict,
+)
+
+FORCE, PUSHED = 25.0, 2  # [N], in this step
+STEPS = 10
+STEADY_STEPS, STEADY_FROM = 15, 10
+VANISHED = 0.2  # ratio of RMS below which a remaining error counts as vanished
+
+
+def tasks(effort: Effort) -> Mapping[str, Task]:
+    """A pushed and an undisturbed walk of both controllers on both plants."""
+    push = {"pushes.0.force": FORCE, "pushes.0.step": PUSHED}
+    runs: dict[str, dict[str, Any]] = {"pushed": {**push, "steps": STEPS}, "steady": {"steps": STEADY_STEPS}}
+    return {
+        f"{plant}/{controller}/{name}": Task(
+            function="sim.reproduce.measure:walk",
+            arguments={"scenario": effort.scenario(plant, controller, changes)},
+            cost=changes["steps"] * (3.0 if controller == "c-mpc" else 1.0),
+        )
+        for plant in PLANTS
+        for controller in CONTROLLERS
+        for name, changes in runs.items()
+    }
+
+
+def between(run: Arrays, first: int, last: int) -> slice:
+    """Ticks from the start of step `first` to the end of step `last`, counted from 1, or to the fall."""
+    landed = [0, *(int(k) for k in run["landed"]), len(run["t"])]
+    return slice(landed[min(first - 1, len(landed) - 1)], landed[min(last, len(landed) - 1)])
+
+
+def rms(values: np.ndarray) -> float:
+    """Root of the mean square; NaN of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+
+
+def evaluate(results: Results, effort: Effort) -> Evaluation:
+    """Peak, RMS and remaining error."""
+
+    def both_walk(plant: str) -> Finding:
+        runs = [results[f"{plant}/{controller}/pushed"] for controller in CONTROLLERS]
+        walk = [OUTCOMES[int(run["outcome"])] == "completed" for run in runs]
+        words = [
+            "walks on" if on else f"falls in step {int(run['steps']) + 1}" for on, run in zip(walk, runs, strict=True)
+        ]
+        return Finding(text=f"ZD+PD {words[0]}, C-MPC {words[1]}", holds=all(walk))
+
+    def smaller(statistic: str) -> Verdict:
+        def judge(plant: str) -> Finding:
+            runs = [results[f"{plant}/{controller}/pushed"] for controller in ("c-mpc", "zd-pd")]
+            last = min(int(run["steps"]) for run in runs)  # what follows is falling
+            if last < PUSHED:
+                return Finding(text=f"one falls in step {last + 1}, before the push is over", holds=False)
+            values = []
+            for run in runs:
+                y = run["y"][between(run, PUSHED, last)]
+                values.append(float(np.abs(y).max()) if statistic == "peak" else rms(y))
+            text = f"{values[0]:.4f} against {values[1]:.4f} rad"
+            text += "" if last == STEPS else f", steps {PUSHED} to {last}, before the fall"
+            return Finding(text=text, holds=values[0] < values[1])
+
+        return Verdict.of(f"C-MPC's {statistic} deviation from the push on is smaller", "much smaller", judge)
+
+    def remaining(plant: str) -> Finding:
+        values = []
+        for controller in ("c-mpc", "zd-pd"):
+            run = results[f"{plant}/{controller}/steady"]
+            values.append(rms(run["y"][between(run, STEADY_FROM + 1, STEADY_STEPS)]))
+        if not np.isfinite(values).all():
+            return Finding(text="falls undisturbed", holds=False)
+        ratio = values[0] / values[1]
+        text = f"{values[0]:.1e} against {values[1]:.1e} rad: {ratio:.3f}"
+        return Finding(text=text, holds=bool(ratio < VANISHED))
+
+    panels: list[tuple[LinePanel, ...]] = []
+    tables = {}
+    for plant in PLANTS:
+        row = []
+        for controller in CONTROLLERS:
+            run = results[f"{plant}/{controller}/pushed"]
+            row.append(_panel(run, f"{PLANT_NAMES[plant]}: {CONTROLLER_NAMES[controller]}"))
+            for name in ("pushed", "steady"):
+                run = results[f"{plant}/{controller}/{name}"]
+                tables[f"error-{plant}-{controller}-{name}"] = {
+                    "t [s]": run["t"],
+                    **{f"{joint} [rad]": run["y"][:, i] for i, joint in enumerate(JOINT_NAMES)},
+                }
+        panels.append(tuple(row))
+    return Evaluation(
+        verdicts=(
+            Verdict.of(f"both controllers reject {FORCE:g} N in step {PUSHED}", "yes", both_walk),
+            smaller("peak"),
+            smaller("RMS"),
+            Verdict.of(
+                f"undisturbed, ZD+PD's remaining error vanishes under C-MPC: ratio below {VANISHED:g}",
+                "no remaining error",
+                remaining,
+            ),
+        ),
+        panels=tuple(same_scale(row, most=0.5) for row in panels),
+        tables=tables,
+        notes=(
+            "Where a walker falls, only the steps both complete are compared.",
+            f"Steady RMS over steps {STEADY_FROM + 1} to {STEADY_STEPS} of an undisturbed walk, all four outputs.",
+        ),
+    )
+
+
+def _panel(run: Arrays, title: str) -> LinePanel:
+    shown = between(run, 1, 6)
+    lines = []
+    for i, joint in enumerate(JOINT_NAMES):
+        x, y = thinned(run["t"][shown], run["y"][shown, i])
+        colour, dash = JOINT_STYLES[i]
+        lines.append(Series(name=joint, x=x, y=y, colour=colour, dash=dash))
+    pushed = between(run, PUSHED, PUSHED)
+    ends = run["t"][pushed]
+    return LinePanel(
+        title=title,
+        x_label="time [s]",
+        y_label="deviation y [rad]",
+        series=tuple(lines),
+        spans=(Span(x0=float(ends[0]), x1=float(ends[-1]), name=f"{FORCE:g} N"),) if len(ends) else (),
+    )

@@ -1,0 +1,124 @@
+"""Sec. III.E: "starting from N = 2000 ... no drastic changes ... N = 100"."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sim.reproduce.fig5 import FORCE, PUSHED, between, rms
+from sim.reproduce.measure import OUTCOMES
+from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series
+from sim.reproduce.study import PLANT_NAMES, PLANTS, Effort, Evaluation, Finding, Results, Task, Verdict
+
+HORIZONS = (10, 20, 50, 100, 200, 500, 1000, 2000)
+QUICK = (20, 100, 300)
+CHOSEN = 100
+STEPS = 6
+STRIDE, RESOLUTION, LARGEST = 16.0, 2.0, 200.0  # [N]
+FORCE_TOLERANCE = 0.1  # "no drastic change": survived force within 10 %
+RMS_TOLERANCE = 0.5  # and RMS deviation within 50 % of that at the longest horizon
+
+
+def _horizons(effort: Effort) -> tuple[int, ...]:
+    return QUICK if effort.quick else HORIZONS
+
+
+def tasks(effort: Effort) -> Mapping[str, Task]:
+    """The walk of Fig. 5 and the largest force survived in step 1, for each horizon on both plants."""
+    found = {}
+    for plant in PLANTS:
+        for N in _horizons(effort):
+            base = {"controller.horizon": N, "steps": 4 if effort.quick else STEPS}
+            push = {"pushes.0.force": FORCE, "pushes.0.step": PUSHED}
+            each = STEPS * (1.0 + 0.02 * N)
+            found[f"{plant}/{N}/walk"] = Task(
+                function="sim.reproduce.measure:walk",
+                arguments={"scenario": effort.scenario(plant, "c-mpc", {**base, **push})},
+                cost=each,
+            )
+            found[f"{plant}/{N}/margin"] = Task(
+                function="sim.reproduce.measure:largest_survived",
+                arguments={
+                    "scenario": effort.scenario(plant, "c-mpc", {**base, "pushes.0.force": 0.0, "pushes.0.step": 1}),
+                    "path": "pushes.0.force",
+                    "sign": 1.0,
+                    "stride": STRIDE,
+                    "resolution": STRIDE if effort.quick else RESOLUTION,
+                    "limit": LARGEST,
+                },
+                cost=8.0 * each,
+            )
+    return found
+
+
+def evaluate(results: Results, effort: Effort) -> Evaluation:
+    """Force, error and tick time against the horizon."""
+    horizons = np.array(_horizons(effort))
+
+    def forces(plant: str) -> np.ndarray:
+        return np.array([float(results[f"{plant}/{N}/margin"]["value"]) for N in horizons])
+
+    def errors(plant: str) -> np.ndarray:
+        runs = [results[f"{plant}/{N}/walk"] for N in horizons]
+        walked = [OUTCOMES[int(run["outcome"])] == "completed" for run in runs]
+        values = [rms(run["y"][between(run, PUSHED, STEPS)]) for run in runs]
+        return np.where(walked, values, np.nan)
+
+    def ticks(plant: str) -> np.ndarray:
+        return np.array([float(results[f"{plant}/{N}/walk"]["tick_ms"]) for N in horizons])
+
+    at = int(np.flatnonzero(horizons == CHOSEN)[0])
+
+    def force(plant: str) -> Finding:
+        chosen, longest = forces(plant)[[at, -1]]
+        text = f"{chosen:g} N at N = {CHOSEN}, {longest:g} N at N = {horizons[-1]}"
+        return Finding(text=text, holds=bool(chosen >= (1.0 - FORCE_TOLERANCE) * longest))
+
+    def error(plant: str) -> Finding:
+        chosen, longest = errors(plant)[[at, -1]]
+        text = f"{chosen:.4f} rad at N = {CHOSEN}, {longest:.4f} rad at N = {horizons[-1]}"
+        return Finding(text=text, holds=bool(chosen <= (1.0 + RMS_TOLERANCE) * longest))
+
+    styles = {"rigid": (BLUE, "solid"), "mujoco": (ORANGE, "dashed")}
+
+    def panel(title: str, label: str, values: dict[str, np.ndarray], levels: tuple[Level, ...] = ()) -> LinePanel:
+        lines = tuple(
+            Series(name=PLANT_NAMES[p], x=horizons, y=v, colour=styles[p][0], dash=styles[p][1], marker=True)
+            for p, v in values.items()
+        )
+        axes = {"x_label": "horizon N [ticks]", "y_label": label, "log_x": True}
+        return LinePanel(title=title, series=lines, levels=levels, **axes)  # type: ignore[arg-type]
+
+    tables = {
+        plant: {
+            "N [ticks]": horizons,
+            "survived force [N]": forces(plant),
+            "RMS deviation [rad]": errors(plant),
+        }
+        for plant in PLANTS
+    } | {f"timing-{plant}": {"N [ticks]": horizons, "median tick [ms]": ticks(plant)} for plant in PLANTS}
+    return Evaluation(
+        verdicts=(
+            Verdict.of(
+                f"survived force at N = {CHOSEN} within 10 % of the longest horizon's, or above",
+                "no drastic change",
+                force,
+            ),
+            Verdict.of(
+                f"RMS deviation at N = {CHOSEN} within 50 % of the longest horizon's, or below",
+                "no drastic change",
+                error,
+            ),
+        ),
+        panels=(
+            (
+                panel("Largest force survived in step 1", "force [N]", {p: forces(p) for p in PLANTS}),
+                panel("RMS deviation, 25 N in step 2", "RMS of y [rad]", {p: errors(p) for p in PLANTS}),
+                panel("Tick time", "median [ms]", {p: ticks(p) for p in PLANTS}, (Level(y=1.0, name="1 kHz"),)),
+            ),
+        ),
+        tables=tables,
+        notes=(
+            "A horizon whose walk falls has no RMS. Tick times are of this machine, and alone not reproducible bit "
+            "for bit.",
+        ),
+    )

@@ -1,0 +1,195 @@
+"""What worker processes do: run scenarios and bring back plain arrays."""
+
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.interface import ControlStep, Observation, PlantState, Vector
+from sim.loop import NoTape
+from sim.outcome import Outcome
+from sim.rig import Rig
+from sim.scenario import Scenario, from_toml, with_values
+
+_SWAPPED = np.array([1, 0, 3, 2])
+OUTCOMES = tuple(outcome.value for outcome in Outcome)
+
+
+class Record:
+    """A tape in memory: what the figures are made of; joints in stance order."""
+
+    def __init__(self, limits: Vector) -> None:
+        """Args: limits: torque limits in [N.m], (4,), body order."""
+        self._limits = limits
+        self._rows: list[tuple[NDArray[np.float64], ...]] = []
+        self._forces: list[Vector] = []
+        self._stance: list[int] = []
+        self._landed: list[int] = []
+        self._last: PlantState | None = None
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """Keep one tick."""
+        order = slice(None) if step.stance == "left" else _SWAPPED
+        applied = np.clip(step.u_total, -self._limits, self._limits)
+        joints = (step.u_zd, step.u_mpc, step.u_total, applied)
+        self._rows.append((state.q, step.y, step.dy, *(u[order] for u in joints), state.hip, state.foot.ravel()))
+        self._forces.append(state.contact_force)
+        self._stance.append(0 if step.stance == "left" else 1)
+
+    def event(self, k: int, level: str, name: str, message: str) -> None:
+        """Keep when a foot lands."""
+        if name == "impact":
+            self._landed.append(k)
+
+    def arrays(self, period: float) -> dict[str, NDArray[Any]]:
+        """Time histories in SI units.
+
+        "t" (n,), "q" (n, 5) body order, "y", "dy", "u_zd", "u_mpc", "u", "torque" (n, 4) stance order, "hip"
+        (n, 2), "foot" (n, 4), "force" (n, 2) tangential and normal force on the stance foot over each hold,
+        "stance" (n,) 0 left, "landed" ticks of the touch-downs.
+        """
+        names = ("q", "y", "dy", "u_zd", "u_mpc", "u", "torque", "hip", "foot")
+        columns = dict(zip(names, (np.array(column) for column in zip(*self._rows, strict=True)), strict=True))
+        stance = np.array(self._stance)
+        # The state of tick k + 1 carries the mean force over hold k.
+        over_hold = np.array([*self._forces[1:], np.full((2, 2), np.nan)])
+        return {
+            "t": np.arange(len(stance)) * period,
+            **columns,
+            "force": over_hold[np.arange(len(stance)), stance],
+            "stance": stance,
+            "landed": np.array(self._landed, dtype=int),
+        }
+
+
+@functools.lru_cache(maxsize=4)
+def _rig(scenario: str) -> Rig:
+    from sim.compose import build_rig
+
+    return build_rig(from_toml(scenario))
+
+
+def walk(scenario: str) -> dict[str, NDArray[Any]]:
+    """One run: its time histories (`Record.arrays`), "outcome" as an index of `OUTCOMES`, "steps" completed."""
+    rig = _rig(scenario)
+    record = Record(rig.torque_limits)
+    summary = rig.run(record)
+    return {
+        **record.arrays(rig.scenario.controller.period),
+        "outcome": np.array(OUTCOMES.index(summary.outcome)),
+        "steps": np.array(summary.steps),
+        "tick_ms": np.array(summary.tick_ms["median"]),
+    }
+
+
+def _survives(scenario: Scenario) -> bool:
+    from sim.compose import build_rig
+
+    return build_rig(scenario).run(NoTape()).outcome == Outcome.COMPLETED.value
+
+
+def largest_survived(
+    scenario: str, path: str, sign: float, stride: float, resolution: float, limit: float
+) -> dict[str, NDArray[Any]]:
+    """The largest value of a setting that is survived, before the first that is not.
+
+    Args:
+        scenario: The scenario as TOML.
+        path: Dotted path of the setting.
+        sign: 1 for values above 0, -1 for values below.
+        stride: Magnitudes are tried upwards in this stride until the walker falls, then bisected.
+        resolution: Width of the last bracket.
+        limit: Largest magnitude tried.
+
+    Returns:
+        "value", a magnitude: survived, while `resolution` more is not (0 if not even the stride is survived);
+        "tried" and "survived", in the order tried.
+    """
+    base = from_toml(scenario)
+    tried: list[float] = []
+    fates: list[bool] = []
+
+    def survived(magnitude: float) -> bool:
+        tried.append(magnitude)
+        fates.append(_survives(with_values(base, {path: sign * magnitude})))
+        return fates[-1]
+
+    low, high = 0.0, stride
+    while high <= limit and survived(high):
+        low, high = high, high + stride
+    while high <= limit and high - low > resolution * (1.0 + 1e-9):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if survived(middle) else (low, middle)
+    return {"value": np.array(low), "tried": np.array(tried), "survived": np.array(fates)}
+
+
+def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: int) -> dict[str, NDArray[Any]]:
+    """The largest standard deviation of a ladder at which every seed is survived, by bisection.
+
+    Args:
+        scenario: The scenario as TOML.
+        paths: Settings that take the standard deviation.
+        ladder: Standard deviations, ascending.
+        seeds: Number of seeds, from 0.
+
+    Returns:
+        "value" (0 if not even the first rung is survived), "tried" and "survived" (number of seeds before the first
+        fall), in the order tried.
+    """
+    base = from_toml(scenario)
+    tried: list[float] = []
+    counts: list[int] = []
+
+    def survived(sd: float) -> bool:
+        settings = with_values(base, dict.fromkeys(paths, sd))
+        seed = 0
+        while seed < seeds and _survives(with_values(settings, {"seed": seed})):
+            seed += 1
+        tried.append(sd)
+        counts.append(seed)
+        return seed == seeds
+
+    low, high = -1, len(ladder)  # rungs
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if survived(ladder[middle]) else (low, middle)
+    value = ladder[low] if low >= 0 else 0.0
+    return {"value": np.array(value), "tried": np.array(tried), "survived": np.array(counts)}
+
+
+def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]:
+    """Fixed point and eigenvalues of the step map (`sim.poincare`).
+
+    Returns:
+        "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
+        of the free walk, and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread", "roughness",
+        "study_h", "study_largest".
+    """
+    from sim import poincare
+
+    rig = _rig(scenario)
+    summary = rig.run(NoTape(), steps=15)
+    fell = 0 if summary.outcome == Outcome.COMPLETED.value else summary.steps + 1
+    point = poincare.find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
+    found = {
+        "converged": np.array(point.converged),
+        "residual": np.array(point.residual),
+        "fell_in_step": np.array(fell),
+        "x": point.x,
+    }
+    if not point.converged:
+        return found
+    try:
+        s = poincare.analyse(rig.step_map, rig.surface, point.x, step_sizes=tuple(step_sizes))
+    except poincare.Fell:
+        return found
+    return found | {
+        "largest": np.array(s.largest),
+        "eigenvalues": np.abs(s.eigenvalues),
+        "h": np.array(s.h),
+        "spread": np.array(s.spread),
+        "roughness": np.array(s.roughness),
+        "study_h": np.array([row.h for row in s.study]),
+        "study_largest": np.array([np.nan if row.largest is None else row.largest for row in s.study]),
+    }

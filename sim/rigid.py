@@ -1,0 +1,352 @@
+"""The paper's plant: stance foot pinned, rigid instantaneous impact with leg exchange, events to machine accuracy.
+
+The same MJCF as `sim.plant`, with the same modelling errors; MuJoCo supplies the inertia matrix and the bias,
+and none of its contact, actuation or integration. Between impacts a fixed-step RK4 integrates the pinned walker
+under the held torque. The pin pulls as well as it pushes and never slips: a normal force below zero or a ratio
+above the floor's friction is not prevented, but stands in the log.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from scipy.optimize import brentq
+
+from sim import rigid_kernels as kernels
+from sim.errors import PlantDiverged, UserError
+from sim.interface import COORDINATES, JOINTS, AppliedForce, Observation, PlantState, Vector
+from sim.kinematics import LEGS, LegGeometry
+from sim.plant import DETECTED_LINKS, whole_substeps
+from sim.plant_spec import BODIES, build_spec
+from sim.scenario import PlantSettings
+from sim.tables import JointTorques
+from sim.terrain import Terrain
+
+ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
+RK4_NODES = (0.0, 0.5, 0.5, 1.0)
+RK4_WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
+EPS = float(np.finfo(float).eps)
+HEIGHT = 1  # of what `_swing_foot` returns
+NO_IMPULSE = np.zeros(2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Impact:
+    """The last impact, as it happened within a tick.
+
+    Attributes:
+        t: Time since the start of the run in [s].
+        stance: The foot that stood before it, "left" or "right".
+        q: Joint angles and torso angle in [rad], (5,), ordered as `COORDINATES`.
+        dq: Their rates just before it in [rad/s], (5,).
+        dq_after: Their rates just after it in [rad/s], (5,).
+        impulse: The ground's impulse (x, z) on the landing foot in [N.s], (2,).
+        old_foot: Velocity (x, z) with which the old stance foot leaves the ground in [m/s], (2,); a negative z
+            would be a foot pressed into the ground, which the model does not stop.
+    """
+
+    t: float
+    stance: str
+    q: Vector
+    dq: Vector
+    dq_after: Vector
+    impulse: Vector
+    old_foot: Vector
+
+
+class RigidPlant:
+    """Five-link walker pinned at its stance foot. Implements `sim.interface.Plant`.
+
+    The feet are points: the sphere of the MJCF plays no part.
+
+    Attributes:
+        com: Centre of mass (x, z) of each link in its own frame in [m], by link name.
+        torque_limits: Actuator limits in [N.m], (4,), ordered as `JOINTS`; infinite without saturation.
+        mjcf_text: The model as compiled, modelling errors applied, as MJCF.
+        sources: Files the plant was read from.
+        legs: Lengths of the legs.
+        impact: The last impact, None before the first.
+    """
+
+    def __init__(
+        self,
+        settings: PlantSettings,
+        model_path: Path,
+        control_period: float,
+        *,
+        seed: int = 0,
+        walk_length: float = 20.0,
+    ) -> None:
+        """Read, modify and compile the model.
+
+        Args:
+            settings: Time step, ground and modelling errors; the integrator is RK4 whatever they say, and friction
+                and stiffness of the ground play no part.
+            model_path: MJCF file of the walker.
+            control_period: Duration of one hold in [s].
+            seed: The scenario's seed, for rough ground.
+            walk_length: How far rough ground has to reach in [m].
+
+        Raises:
+            UserError: the file is missing or unreadable, or a setting is not legal.
+        """
+        self._period = control_period  # [s]
+        self._substeps = whole_substeps(control_period, settings.timestep)
+        self.sources = (Path(model_path),)
+        if settings.joint_friction != JointTorques():
+            raise UserError('plant.joint_friction: the rigid plant has none; must be 0, or plant.kind = "mujoco"')
+        self._terrain = Terrain(settings.ground, seed=seed, length=walk_length)
+        spec = build_spec(settings, Path(model_path), self._terrain)
+        self._model = model = spec.compile()
+        self._data = data = mujoco.MjData(model)
+        self.mjcf_text: str = spec.to_xml()
+
+        def dof(joint: str) -> int:
+            return int(model.jnt_dofadr[model.joint(joint).id])
+
+        self.legs = LegGeometry.of(model)
+        self._at = kernels.Layout(
+            hip=np.array([dof("hip_x"), dof("hip_z")]),
+            q=np.array([dof(name) for name in COORDINATES]),
+            damping=np.array(model.dof_damping),
+            lengths=np.array(self.legs.lengths),
+        )
+        self._scratch = kernels.new_scratch()
+        self._joint_dof = self._at.q[: len(JOINTS)]
+        self._body_id = {name: model.body(name).id for name in BODIES}
+        ipos = model.body_ipos
+        self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
+        actuators = [model.actuator(name).id for name in JOINTS]
+        limits: Vector = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
+        self.torque_limits = limits[actuators]
+        sizes = [model.geom(name).size for name in DETECTED_LINKS]
+        self._capsules = [(2.0 * float(size[1]), float(size[0])) for size in sizes]  # [m] length, thickness
+        self._qpos, self._qvel = data.qpos, data.qvel  # live views, written only
+        self._begin()
+
+    def _begin(self) -> None:
+        self._ticks = 0
+        self._q, self._dq = np.zeros(5), np.zeros(5)
+        self._leg = 0
+        self._foothold = np.array([0.0, self._terrain.height(0.0)])
+        self._torque = np.zeros(4)  # [N.m]
+        self._force_time = np.zeros((2, 2))  # [N.s] ground force (x, z) on each foot, integrated over the hold
+        self._push = np.zeros(2)  # [N]
+        self._forces: tuple[AppliedForce, ...] = ()
+        self.impact: Impact | None = None
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model, for viewers."""
+        return self._model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's data, for viewers."""
+        return self._data
+
+    def reset(self, q: Vector, dq: Vector, stance: str) -> None:
+        """Put the walker on its stance foot.
+
+        A state of the switching surface, its swing foot on the ground ahead and going down, is taken through the
+        impact at once: the walker then stands on that foot, which the contact flags tell.
+
+        Args:
+            q: Joint angles and torso angle in [rad], (5,), ordered as `COORDINATES`.
+            dq: Their rates in [rad/s], (5,).
+            stance: "left" or "right".
+
+        Raises:
+            UserError: `stance` is not a leg, or an angle or a rate is not finite.
+        """
+        if stance not in LEGS:
+            raise UserError(f'stance = {stance!r}: must be "left" or "right"')
+        for name, vector, unit in (("q", q, "rad"), ("dq", dq, "rad/s")):
+            if np.shape(vector) != (5,) or not np.isfinite(vector).all():
+                order = ", ".join(COORDINATES)
+                raise UserError(f"{name} = {vector} [{unit}]: must be 5 finite numbers, ordered as {order}")
+        self._begin()
+        self._q, self._dq = np.array(q, dtype=float), np.array(dq, dtype=float)
+        self._leg = LEGS.index(stance)
+        ahead, height, rate = self._swing_foot(self._q, self._dq)
+        if abs(height) <= ON_GROUND and ahead > 0.0 and rate < 0.0:
+            self._land(0.0)
+
+    def observe(self) -> Observation:
+        """What ideal sensors read now."""
+        return Observation(t=self._ticks * self._period, q=self._q.copy(), dq=self._dq.copy(), contact=self._contact())
+
+    def state(self) -> PlantState:
+        """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
+        self._place(self._q, self._dq)
+        hip, dhip = self._qpos[self._at.hip], self._qvel[self._at.hip]
+        other = self._foothold + kernels.swing_foot(self._at, self._q, self._dq, self._leg)[:2]
+        foot = np.array((self._foothold, other) if self._leg == 0 else (other, self._foothold))
+        clearance, contact_force = [], []
+        for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self._period).tolist(), strict=True):
+            ground = self._terrain.under(x)
+            cos, sin = math.cos(ground.angle), math.sin(ground.angle)
+            clearance.append((z - ground.height(x)) * cos)
+            contact_force.append((fx * cos + fz * sin, fz * cos - fx * sin))
+        return PlantState(
+            t=self._ticks * self._period,
+            q=self._q.copy(),
+            dq=self._dq.copy(),
+            hip=hip,
+            dhip=dhip,
+            foot=foot,
+            clearance=np.array(clearance),
+            torque=self._torque.copy(),
+            contact=self._contact(),
+            contact_force=np.array(contact_force),
+            push=self._push.copy(),
+            penetrating=self._penetrating(hip.tolist()),
+            applied=self._forces,
+        )
+
+    def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
+        """Hold a commanded torque and external forces for one control period.
+
+        Args:
+            u: Commanded joint torque in [N.m], (4,), ordered as `JOINTS`; saturated at the limits.
+            forces: External forces throughout the hold, each at its point of the moving link.
+
+        Raises:
+            ValueError: `u` is not finite or not four numbers: a defect of the controller.
+            PlantDiverged: the state is not finite any more.
+        """
+        if len(u) != len(JOINTS) or not math.isfinite(sum(u.tolist())):
+            raise ValueError(f"u = {u} [N.m]: must be {len(JOINTS)} finite torques, ordered as {JOINTS}")
+        for applied in forces:
+            if applied.body not in self._body_id:
+                raise UserError(f'force on body = "{applied.body}": must be one of {", ".join(BODIES)}')
+        self._torque = np.clip(u, -self.torque_limits, self.torque_limits)
+        self._forces = tuple(forces)
+        self._push = np.sum([applied.force for applied in forces], axis=0) if forces else np.zeros(2)
+        self._scratch.applied[:] = 0.0
+        self._scratch.applied[self._joint_dof] = self._torque
+        self._force_time[:] = 0.0
+        step = self._period / self._substeps
+        for substep in range(self._substeps):
+            self._advance(self._ticks * self._period + substep * step, step)
+        self._ticks += 1
+        if not math.isfinite(sum(self._q.tolist()) + sum(self._dq.tolist())):
+            raise PlantDiverged(
+                f"the plant diverged in the hold up to t = {self._ticks * self._period:.3f} s: "
+                f"q = {self._q.tolist()}, dq = {self._dq.tolist()}"
+            )
+
+    def _advance(self, t: float, duration: float) -> None:
+        """One step of integration, cut at an impact if there is one in it."""
+        y = self._rk4(duration)
+        before = self._swing_foot(self._q, self._dq)[HEIGHT]
+        ahead, height, _ = self._swing_foot(y[:5], y[5:10])
+        if not (height <= 0.0 < before and ahead > 0.0):
+            self._take(y)
+            return
+
+        def height_at(tau: float) -> float:
+            there = self._rk4(tau)
+            return self._swing_foot(there[:5], there[5:10])[HEIGHT]
+
+        tau = float(brentq(height_at, 0.0, duration, xtol=EPS * duration, rtol=4 * EPS))
+        self._take(self._rk4(tau))
+        self._land(t + tau)
+        if tau < duration:
+            self._advance(t + tau, duration - tau)
+
+    def _take(self, y: Vector) -> None:
+        """Make the result of `_rk4` the present."""
+        self._q, self._dq = y[:5], y[5:10]
+        self._force_time[self._leg] += y[10:]
+
+    def _rk4(self, h: float) -> Vector:
+        """Angles and rates after h [s] under the held torque, and the ground's impulse over h in [N.s], (12,)."""
+        start = np.concatenate((self._q, self._dq, NO_IMPULSE))
+        slopes = np.empty((4, 12))
+        y = start
+        for stage in range(4):
+            if stage:
+                y = start + (RK4_NODES[stage] * h) * slopes[stage - 1]
+            self._derivative(y, slopes[stage])
+        return start + (h * RK4_WEIGHTS) @ slopes
+
+    def _derivative(self, y: Vector, dy: Vector) -> None:
+        """Fill the derivative of what `_rk4` returns, (12,)."""
+        self._place(y[:5], y[5:10])
+        model, data, scratch = self._model, self._data, self._scratch
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rne(model, data, 0, scratch.bias)
+        mujoco.mj_fullM(model, data, scratch.M)
+        if self._forces:
+            self._apply()
+        kernels.derivative(self._at, y, self._leg, scratch, dy)
+
+    def _place(self, q: Vector, dq: Vector) -> None:
+        kernels.place(self._at, q, dq, self._leg, self._foothold, self._qpos, self._qvel)
+
+    def _apply(self) -> None:
+        """Generalised forces of motors and pushes at the present position."""
+        model, data, applied = self._model, self._data, self._scratch.applied
+        applied[:] = 0.0
+        applied[self._joint_dof] = self._torque
+        for push in self._forces:
+            body = self._body_id[push.body]
+            frame = data.xmat[body].reshape(3, 3)
+            point = data.xpos[body] + frame @ np.array([push.point[0], 0.0, push.point[1]])
+            force = np.array([push.force[0], 0.0, push.force[1]])
+            mujoco.mj_applyFT(model, data, force, np.zeros(3), point, body, applied)
+
+    def _land(self, t: float) -> None:
+        """The swing foot becomes the stance foot."""
+        landing = 1 - self._leg
+        self._place(self._q, self._dq)
+        model, data = self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_fullM(model, data, self._scratch.M)
+        after, impulse, old_foot = np.empty(5), np.empty(2), np.empty(2)
+        kernels.strike(self._at, self._q, self._dq, landing, self._scratch, after, impulse, old_foot)
+        self.impact = Impact(
+            t=t,
+            stance=LEGS[self._leg],
+            q=self._q,
+            dq=self._dq,
+            dq_after=after,
+            impulse=impulse,
+            old_foot=old_foot,
+        )
+        self._foothold = self._qpos[self._at.hip] + self.legs.foot(self._q, landing)
+        self._leg, self._dq = landing, after
+
+    def _swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
+        """Swing foot: distance ahead of the stance foot, height over the ground in [m], its rate in [m/s]."""
+        x, z, dx, dz = kernels.swing_foot(self._at, q, dq, self._leg)
+        at = float(self._foothold[0]) + x
+        ground = self._terrain.under(at)
+        height = float(self._foothold[1]) + z - ground.height(at)
+        return x, height, dz - math.tan(ground.angle) * dx
+
+    def _contact(self) -> tuple[bool, bool]:
+        return self._leg == 0, self._leg == 1
+
+    def _penetrating(self, hip: Sequence[float]) -> tuple[str, ...]:
+        """Links whose capsule reaches the ground, of those the other plant senses."""
+        left, right, _, _, torso = self._q.tolist()
+        x, z = hip
+        hip_height = z - self._terrain.height(x)
+        found = []
+        for name, angle, (length, thickness) in zip(
+            DETECTED_LINKS, (torso, torso + left, torso + right), self._capsules, strict=True
+        ):
+            end_x, end_z = x - length * math.sin(angle), z + length * math.cos(angle)
+            if hip_height < thickness or end_z - self._terrain.height(end_x) < thickness:
+                found.append(name)
+        return tuple(found)
