@@ -1,5 +1,7 @@
 """Derivatives of the second cascade against finite differences: closed loop, impact map, horizon, and its sweep."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,12 @@ STEP = 1e-6
 LEVEL = Ground(0.0, 0.0)
 ANY = np.full(4, np.inf)  # [N.m] torque limits
 Z = np.eye(N_Z)
+
+
+@pytest.fixture(params=[np.inf, 0.5], ids=["endless", "tangents"])
+def bent(gait, request):
+    """The gait as it is, and with outputs that go on along their tangents from the middle of the step."""
+    return dataclasses.replace(gait, table=gait.table._replace(s_last=request.param))
 
 
 def relative(found, expected):
@@ -30,16 +38,16 @@ def state_of(gait, z):
 
 
 @pytest.fixture
-def closed_loop(model, gait, gains):
+def closed_loop(model, bent, gains):
     """z, u_mpc -> dz/dt, ZD+PD torque and contact force, stacked; with the stage it was evaluated in."""
 
     def at(z, u_mpc):
         stage, f, force, per_torque = kernels.new_stage(), np.empty(N_Z), np.empty(2), np.empty((2, 4))
-        q, dq = state_of(gait, z)
+        q, dq = state_of(bent, z)
         kernels.place(q, dq, stage)
-        _, dtheta = kernels.closed_loop(model.lumped, gait.table, gains, q, dq, stage)
+        _, dtheta = kernels.closed_loop(model.lumped, bent.table, gains, q, dq, stage)
         kernels.stance_force(model.lumped, stage, force)
-        accelerate(gait.table, gains, dtheta, u_mpc, stage, f)
+        accelerate(bent.table, gains, dtheta, u_mpc, stage, f)
         kernels.responses(stage)
         kernels.stance_force_per_torque(model.lumped, stage, per_torque)
         return np.r_[f, stage.u, force + per_torque @ u_mpc], stage
@@ -47,36 +55,36 @@ def closed_loop(model, gait, gains):
     return at
 
 
-def test_output_coordinates_are_a_bijection(gait, walking_states):
+def test_output_coordinates_are_a_bijection(bent, walking_states):
     for q, dq in walking_states(20, spread=0.3):
-        again = state_of(gait, z_of(gait, q, dq))
+        again = state_of(bent, z_of(bent, q, dq))
         np.testing.assert_allclose(again[0], q, atol=1e-12)
         np.testing.assert_allclose(again[1], dq, atol=1e-11)
 
 
-def test_the_vector_field_is_the_models(model, gait, gains, closed_loop, walking_states):
+def test_the_vector_field_is_the_models(model, bent, gains, closed_loop, walking_states):
     """dz/dt in output coordinates is what the model's acceleration says."""
     for q, dq in walking_states(10, seed=1):
-        z, u_mpc = z_of(gait, q, dq), np.array([5.0, -3.0, 2.0, 1.0])
+        z, u_mpc = z_of(bent, q, dq), np.array([5.0, -3.0, 2.0, 1.0])
         values, stage = closed_loop(z, u_mpc)
         h = 1e-6
         ddq = model.acceleration(q, dq, stage.u + u_mpc)
-        forth = z_of(gait, q + h * dq + h * h / 2 * ddq, dq + h * ddq)
-        back = z_of(gait, q - h * dq + h * h / 2 * ddq, dq - h * ddq)
+        forth = z_of(bent, q + h * dq + h * h / 2 * ddq, dq + h * ddq)
+        back = z_of(bent, q - h * dq + h * h / 2 * ddq, dq - h * ddq)
         np.testing.assert_allclose(values[:N_Z], (forth - back) / (2 * h), rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(values[N_Z + 4 :], model.stance_force(q, dq, stage.u + u_mpc)[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("u_mpc", [np.zeros(4), np.array([20.0, -10.0, 15.0, 5.0])], ids=["zd-pd", "with-mpc"])
-def test_derivatives_of_the_closed_loop(model, gait, gains, closed_loop, walking_states, u_mpc):
+def test_derivatives_of_the_closed_loop(model, bent, gains, closed_loop, walking_states, u_mpc):
     for q, dq in walking_states(5, seed=2):
-        z = z_of(gait, q, dq)
+        z = z_of(bent, q, dq)
         by_z = np.array([(closed_loop(z + STEP * e, u_mpc)[0] - closed_loop(z - STEP * e, u_mpc)[0]) for e in Z]).T
         by_z /= 2 * STEP
         by_u = np.array([closed_loop(z, u_mpc + e)[0] - closed_loop(z, u_mpc)[0] for e in np.eye(4)]).T
         _, stage = closed_loop(z, u_mpc)
         d = new_derivatives()
-        derive(model.lumped, gait.table, gains, z[8], z[9], u_mpc, stage, d)
+        derive(model.lumped, bent.table, gains, z[8], z[9], u_mpc, stage, d)
         ddy_z = np.hstack([-np.diag(gains.kp), -np.diag(gains.kd), np.zeros((4, 2))])
         ddy_z[:, [0, 1, 2, 3, 8]] += d.output_z
         assert relative(ddy_z, by_z[4:8]) < 1e-7
