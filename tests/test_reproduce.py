@@ -228,6 +228,18 @@ def test_an_interrupted_run_goes_on_where_it_stopped(store) -> None:
     assert sorted(finished) == ["1", "2", "3"]
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_request_to_stop_is_heeded_and_what_is_finished_is_kept(store, workers: int) -> None:
+    steps = [Effort().scenario("rigid", "zd-pd", {"steps": n}) for n in (1, 2)]
+    wanted = {
+        str(i): Task(function="sim.reproduce.measure:walk", arguments={"scenario": s}) for i, s in enumerate(steps)
+    }
+    finished: list[str] = []
+    with pytest.raises(tasks.Stopped, match="enough"):
+        tasks.run(wanted, store, workers=workers, finished=finished.append, stop=lambda: "enough" if finished else None)
+    assert finished and all(store.get(wanted[name]) is not None for name in finished)
+
+
 def test_equal_tasks_are_run_once(store) -> None:
     task = few(1.0)["1"]
     finished: list[str] = []

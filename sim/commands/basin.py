@@ -2,11 +2,13 @@
 
 import json
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from sim import flags
 from sim.errors import UserError
+from sim.interrupt import stop_on_signal
 from sim.scenario import Scenario, load, to_toml, with_value
 
 DEFAULT = "undisturbed"
@@ -24,7 +26,7 @@ walker about its stance foot. Results are kept: an interrupted map goes on where
   cmpc basin payload-x2 --out logs/basin-payload
 
 writes basin.png, basin.csv (fates: 0 fell, 1 converged, 2 undecided) and basin.json with the areas
-exit code: 0 done, 2 bad input, 130 interrupted
+exit code: 0 done, 2 bad input, 130 and 143 interrupted by Ctrl-C and SIGTERM
 """
 
 
@@ -128,8 +130,12 @@ def _map(
                 },
                 cost=3.0 if controller == "c-mpc" else 1.0,
             )
-    with cost_bar("mapping", quiet=quiet) as show:
-        tasks.run(wanted, store, workers=workers, progress=show)
+    with stop_on_signal() as stop, cost_bar("mapping", quiet=quiet) as show:
+        try:
+            tasks.run(wanted, store, workers=workers, progress=show, stop=stop)
+        except tasks.Stopped as reason:
+            print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
+            return 128 + stop.signum
     results = {name: store.get(task) or {} for name, task in wanted.items()}
     zd, mpc = inside = [fig8.converged(results, "", controller, grid) for controller in CONTROLLERS]
     panel = fig8.panel(zd, mpc, grid, title=f"{scenario.name}, {PLANT_NAMES[scenario.plant.kind]}")

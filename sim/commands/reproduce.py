@@ -11,6 +11,7 @@ from typing import Any
 from sim import flags
 from sim.bar import cost_bar
 from sim.errors import UserError
+from sim.interrupt import stop_on_signal
 from sim.reproduce import EXPERIMENTS
 from sim.scenario import Scenario
 
@@ -26,7 +27,7 @@ claim hangs on; --out then keeps the results apart:
   cmpc reproduce fig4 table2 --quick
   cmpc reproduce fig5 --controller.kp 0 0 0 0 --out logs/without-kp
 
-exit code: 0 done, whatever the verdicts; 2 bad input, 130 interrupted (run it again to go on)
+exit code: 0 done, whatever the verdicts; 2 bad input; 130 and 143 interrupted by Ctrl-C and SIGTERM
 """
 
 
@@ -105,8 +106,12 @@ def _reproduce(
         done[name] = modules[name].evaluate(results, effort)
         report.write(name, done[name], out, quick=quick)
 
-    with cost_bar("reproducing", quiet=silent) as show:
-        tasks.run(everything, store, workers=workers, progress=show, finished=finished)
+    with stop_on_signal() as stop, cost_bar("reproducing", quiet=silent) as show:
+        try:
+            tasks.run(everything, store, workers=workers, progress=show, finished=finished, stop=stop)
+        except tasks.Stopped as reason:
+            print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
+            return 128 + stop.signum
     ordered = {name: done[name] for name in names}
     page = report.write_page(ordered, out, quick=quick)
     _print_verdicts(ordered)

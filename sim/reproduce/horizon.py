@@ -12,7 +12,7 @@ from sim.reproduce.study import PLANT_NAMES, PLANTS, Effort, Evaluation, Finding
 HORIZONS = (10, 20, 50, 100, 200, 500, 1000, 2000)
 QUICK = (20, 100, 300)
 CHOSEN = 100
-STEPS = 6
+STEPS = 5
 STRIDE, RESOLUTION, LARGEST = 16.0, 2.0, 200.0  # [N]
 FORCE_TOLERANCE = 0.1  # "no drastic change": survived force within 10 %
 RMS_TOLERANCE = 0.5  # and RMS deviation within 50 % of that at the longest horizon

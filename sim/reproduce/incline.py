@@ -21,12 +21,17 @@ from sim.reproduce.study import (
 
 LENGTHS = (0.3, 1.0, 3.0)  # [m]
 QUICK_LENGTHS = (0.3, 1.0)
-QUICK_STEPS = 8
 DIRECTIONS = {"up": 1.0, "down": -1.0}
 START = 1.0  # [m], behind two and a half steps of level ground
-STEPS = 14  # of 0.4 m: past the longest ramp
+STEP = 0.4  # [m]
+BEYOND = 4  # steps behind the ramp
 STRIDE, RESOLUTION, STEEPEST = 0.02, 0.0025, 0.6  # [rad]
 NOTICEABLE = math.radians(1.0)
+
+
+def _steps(length: float) -> int:
+    """Steps over level ground, ramp, and level ground again."""
+    return math.ceil((START + length) / STEP) + BEYOND
 
 
 def tasks(effort: Effort) -> Mapping[str, Task]:
@@ -39,7 +44,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                     plant,
                     controller,
                     {
-                        "steps": QUICK_STEPS if effort.quick else STEPS,
+                        "steps": _steps(length),
                         "plant.ground.ramps.0.slope": 0.0,
                         "plant.ground.ramps.0.start": START,
                         "plant.ground.ramps.0.length": length,
@@ -51,7 +56,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                 "resolution": 2 * STRIDE if effort.quick else RESOLUTION,
                 "limit": STEEPEST,
             },
-            cost=STEPS * (20.0 if controller == "c-mpc" else 6.0),
+            cost=_steps(length) * (20.0 if controller == "c-mpc" else 6.0),
         )
         for plant in PLANTS
         for controller in CONTROLLERS
@@ -118,7 +123,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         tables=tables,
         notes=(
             f"The paper gives no slope; ramps begin {START:g} m ahead, are tried every "
-            f"{math.degrees(STRIDE):.1f} deg until the walker falls and then bisected; a run is fourteen steps.",
+            f"{math.degrees(STRIDE):.1f} deg until the walker falls and then bisected; a run ends four "
+            "steps behind the ramp.",
             "The rigid plant's foot never slips, and its swing foot passes through ground behind the stance foot.",
         ),
     )

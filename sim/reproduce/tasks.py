@@ -27,6 +27,10 @@ Progress = Callable[[float, float], None]
 """Told the cost done and the cost in all."""
 
 
+class Stopped(Exception):
+    """The user asked to stop."""
+
+
 class Store:
     """Results on disk, a file a task, named by a hash of all that decides them."""
 
@@ -93,6 +97,7 @@ def run(
     workers: int,
     progress: Progress | None = None,
     finished: Callable[[str], None] | None = None,
+    stop: Callable[[], str | None] = lambda: None,
 ) -> None:
     """Run those tasks that have no stored result yet.
 
@@ -102,8 +107,10 @@ def run(
         workers: Number of processes, 1 or more; one runs in this process.
         progress: Told how far it is, a few times a second.
         finished: Told the name of every task once its result is stored.
+        stop: Asked between tasks, and a few times a second while workers are busy; a reason ends the run.
 
     Raises:
+        Stopped: `stop` gave a reason; what is finished is stored.
         UserError: a task's input is not legal, or the store cannot be written.
     """
     total = sum(task.cost for task in tasks.values())
@@ -121,6 +128,7 @@ def run(
     report(done, total)
     if workers == 1:
         for name, names in missing.items():
+            _heed(stop)
             store.put(tasks[name], work(tasks[name]))
             done += _close(names, tasks, finished)
             report(done, total)
@@ -137,6 +145,7 @@ def run(
     try:
         running: dict[Future[dict[str, NDArray[Any]]], str] = {pool.submit(work, tasks[name]): name for name in missing}
         while running:
+            _heed(stop)
             ready, _ = wait(running, timeout=SLICE, return_when=FIRST_COMPLETED)
             for future in ready:
                 name = running.pop(future)
@@ -149,6 +158,12 @@ def run(
         pool.shutdown(wait=False, cancel_futures=True)
         raise
     pool.shutdown()
+
+
+def _heed(stop: Callable[[], str | None]) -> None:
+    reason = stop()
+    if reason:
+        raise Stopped(reason)
 
 
 def _close(names: list[str], tasks: Mapping[str, Task], finished: Callable[[str], None] | None) -> float:
