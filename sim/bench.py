@@ -75,7 +75,7 @@ def benchmark(*, quick: bool, say: Say) -> list[Figure]:
     """
     steps = 3 if quick else 8
     figures: list[Figure] = []
-    for part in (ticks, paired, against_clarabel, horizons, real_time, start_up, memory):
+    for part in (ticks, paired, against_clarabel, horizons, ltv_ticks, real_time, start_up, memory):
         say(part.__doc__.splitlines()[0] if part.__doc__ else part.__name__)
         figures += part(steps)
     return figures
@@ -99,6 +99,18 @@ def ticks(steps: int) -> list[Figure]:
         Figure(name="tick, 99.9 %", value=float(p999), unit="ms", target="<= 0.60"),
         Figure(name="ticks", value=float(len(ms)), unit=""),
         Figure(name="solver fall-backs", value=float(rescued), unit="", target="<= 0"),
+    ]
+
+
+def ltv_ticks(steps: int) -> list[Figure]:
+    """Ticks of c-mpc-ltv over the same runs."""
+    tape = TickTimes()
+    for name in RUNS:
+        run_scenario(_walk(name, steps, **{"controller.kind": "c-mpc-ltv"}), tape=tape)
+    median, p999 = np.quantile(1e3 * np.array(tape.seconds), [0.5, 0.999])
+    return [
+        Figure(name="tick of c-mpc-ltv, median", value=float(median), unit="ms", target="<= 0.5"),
+        Figure(name="tick of c-mpc-ltv, 99.9 %", value=float(p999), unit="ms", target="<= 1.0"),
     ]
 
 
