@@ -120,7 +120,8 @@ def load_gait(path: Path, model: WalkerModel) -> Gait:
         model: The walker it is for; its impact map judges periodicity.
 
     Raises:
-        ControllerInputError: file missing, of wrong shape, not finite, or not periodic within its tolerance.
+        ControllerInputError: file missing, of wrong shape, not finite, for a walker of other links, or not periodic
+            within its tolerance.
     """
     if not path.is_file():
         raise ControllerInputError(f"{path}: no such gait file")
@@ -133,6 +134,12 @@ def load_gait(path: Path, model: WalkerModel) -> Gait:
 
 def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
     """Build and check a gait from the content of a gait file; `where` names it in errors."""
+    made_for = data.get("fingerprint", model.fingerprint)
+    if made_for != model.fingerprint:
+        raise ControllerInputError(
+            f"{where}: made for the walker {data.get('walker', '?')!r} with fingerprint {made_for!r}, but {model.path} "
+            f"has {model.fingerprint!r}; legal: a gait designed for this walker, see cmpc gait design"
+        )
     alpha = _array(data, "alpha", where, rows=_N_U)
     gait = Gait.of(
         name=str(data.get("name", Path(where).stem)),

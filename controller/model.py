@@ -5,7 +5,8 @@ sum_i lever[k, i] d(phi_i), so that A = lever' m lever + diag(I) and b = lever' 
 enter the equations of motion.
 """
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,13 @@ class WalkerModel:
     def leg_length(self) -> float:
         """Femur plus tibia in [m]."""
         return self.femur.length + self.tibia.length
+
+    @property
+    def fingerprint(self) -> str:
+        """Twelve hexadecimal digits that tell walkers apart by what a gait depends on: links and gravity."""
+        numbers = [x for link in (self.torso, self.femur, self.tibia) for x in astuple(link)]
+        text = " ".join(f"{x:.9g}" for x in (*numbers, self.lumped.gravity))
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def dynamics(self, q: Vector, dq: Vector) -> StanceDynamics:
         """D, C, G and B of the stance dynamics.

@@ -118,6 +118,8 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
     gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
     if settings.kind == "zd-pd":
         return ZeroDynamicsController(belief.model, belief.gait, gains)
+    if settings.kind == "c-mpc-ltv":
+        return _ltv_cascade(settings, belief, gains)
     friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min)
     with _as_user_errors():
         return CascadedMpc(
@@ -130,6 +132,32 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
             friction=friction if settings.friction_rows else None,
             solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
+
+
+def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:
+    from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
+
+    ltv = settings.ltv
+    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=ltv.force_penalty)
+    return LtvCascade(
+        belief.model,
+        belief.gait,
+        gains,
+        period=settings.period,
+        stages=ltv.stages,
+        stage_time=ltv.stage_time,
+        substeps=ltv.substeps,
+        weights=LtvWeights(
+            output=ltv.output,
+            output_rate=ltv.output_rate,
+            clock_rate=ltv.clock_rate,
+            torque=ltv.torque,
+            last=ltv.last,
+            torque_penalty=ltv.torque_penalty,
+        ),
+        friction=friction if settings.friction_rows else None,
+        slope_memory=ltv.slope_memory,
+    )
 
 
 def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:

@@ -49,6 +49,11 @@ class WalkerFolder:
                 raise UserError(f"walker = {walker!r}: model file {file} is missing")
         return found
 
+    @property
+    def is_shipped(self) -> bool:
+        """Whether it can be named by its name alone."""
+        return self.urdf.parent.parent == SHIPPED
+
     def gait(self, gait: str) -> Path:
         """A gait file by its name in `gaits/`, or by its path.
 

@@ -1,0 +1,1 @@
+"""Offline design: gaits by hybrid zero dynamics, and gains. Nothing here runs in a control tick."""

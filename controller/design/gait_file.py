@@ -1,0 +1,76 @@
+"""Write a gait as the file that `controller.gait.load_gait` reads."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from controller.design.orbit import Orbit
+from controller.errors import ControllerInputError
+from controller.gait import Gait
+from controller.model import WalkerModel
+from controller.records import Vector
+
+
+def to_toml(model: WalkerModel, gait: Gait, orbit: Orbit, remarks: tuple[str, ...] = ()) -> str:
+    """A gait as TOML text with every digit, so that reading gives the same gait.
+
+    Args:
+        model: The walker it is for; its fingerprint goes along.
+        gait: The gait, rates before impact included.
+        orbit: Its periodic orbit: speed and the like for the reader.
+        remarks: Comment lines for the top.
+    """
+    rows = ",\n".join(f"  {_numbers(row)}" for row in gait.alpha)
+    lines = [
+        *(f"# {line}" for line in remarks),
+        "# Units: rad, rad/s, m, s. q = (stance hip, swing hip, stance knee, swing knee, torso).",
+        f"name = {_string(gait.name)}",
+        f"walker = {_string(model.path.stem)}",
+        f"fingerprint = {_string(model.fingerprint)}  # of the links it was made for",
+        f"source = {_string(gait.source)}",
+        "",
+        f"degree = {gait.alpha.shape[1] - 1}",
+        f"clock = {_numbers(gait.clock)}",
+        f"q_minus = {_numbers(gait.q_minus)}",
+        f"dq_minus = {_numbers(gait.dq_minus)}",
+        "alpha = [",
+        rows + ",",
+        "]",
+        "",
+        "periodicity_tolerance_rad = 1e-8",
+        "periodicity_tolerance_rad_s = 1e-7",
+        "",
+        "# What follows is told of the gait, not read from it.",
+        "[orbit]",
+        f"step_length = {orbit.step_length:.9g}  # [m]",
+        f"step_time = {orbit.step_time:.9g}  # [s]",
+        f"speed = {orbit.speed:.9g}  # [m/s]",
+        f"eigenvalue = {orbit.delta**2:.6g}  # delta^2 of the restricted Poincare map",
+        f"cost = {orbit.cost:.6g}  # integral of squared torque by step length [N^2 m s]",
+        f"work = {orbit.work:.6g}  # integral of |torque times rate| by step length [J/m]",
+        f"peak_torque = [{', '.join(f'{u:.4g}' for u in abs(orbit.u).max(axis=0))}]  # [N.m]",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file whole or not at all.
+
+    Raises:
+        ControllerInputError: it can not be written.
+    """
+    try:
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(file.name, 0o644)
+        os.replace(file.name, path)
+    except OSError as error:
+        raise ControllerInputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _numbers(values: Vector) -> str:
+    return "[" + ", ".join(repr(float(value)) for value in values) + "]"
+
+
+def _string(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

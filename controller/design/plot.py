@@ -1,0 +1,123 @@
+"""A picture of a gait: postures, joint angles, torques, phase portrait, forces, swing foot."""
+
+from pathlib import Path
+
+import numpy as np
+
+from controller.design.orbit import Orbit
+from controller.errors import ControllerInputError
+from controller.gait import Gait
+from controller.model import WalkerModel
+from controller.records import (
+    NORMAL,
+    STANCE_HIP,
+    STANCE_KNEE,
+    SWING_HIP,
+    SWING_KNEE,
+    TANGENTIAL,
+    TORSO,
+    Vector,
+    swap_legs,
+)
+
+NAMES = ("stance hip", "swing hip", "stance knee", "swing knee")
+COLOURS = ("#2176b5", "#e66b19", "#7fb2d9", "#f2ab7a")
+POSTURES = 6
+FLOOR = "#888888"
+
+
+def plot(path: Path, model: WalkerModel, gait: Gait, orbit: Orbit) -> None:
+    """Write the picture.
+
+    Args:
+        path: File to write; its ending says the format.
+        model: The walker.
+        gait: The gait.
+        orbit: Its periodic orbit.
+
+    Raises:
+        ControllerInputError: matplotlib is missing, or the file can not be written.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ControllerInputError(
+            f"{path}: a plot needs matplotlib; install it with pip install 'cmpc-walker[design]'"
+        ) from error
+    figure = Figure(figsize=(13, 7.5), layout="constrained")
+    axes = figure.subplots(2, 3)
+    figure.suptitle(
+        f"{gait.name}: {orbit.step_length:.3f} m in {orbit.step_time:.3f} s, {orbit.speed:.2f} m/s, "
+        f"delta² = {orbit.delta**2:.3f}, cost {orbit.cost:.0f} N² m s"
+    )
+    _postures(axes[0, 0], model, orbit)
+    for i, (name, colour) in enumerate(zip(NAMES, COLOURS, strict=True)):
+        axes[0, 1].plot(orbit.t, orbit.q[:, i] - (np.pi if i < 2 else 0.0), color=colour, label=name)
+        axes[0, 2].plot(orbit.t, orbit.u[:, i], color=colour, label=name)
+        _cycle(axes[1, 0], orbit, i, colour)
+    axes[0, 1].plot(orbit.t, orbit.q[:, TORSO], color="black", label="torso")
+    _cycle(axes[1, 0], orbit, TORSO, "black")
+    _label(axes[0, 1], "joint angles", "time [s]", "angle, hips less pi [rad]")
+    _label(axes[0, 2], "torques", "time [s]", "torque [N.m]")
+    _label(axes[1, 0], "phase portrait (dotted: impact)", "angle, hips less pi [rad]", "rate [rad/s]")
+    axes[1, 1].plot(orbit.t, orbit.force[:, NORMAL], color="black", label="normal")
+    axes[1, 1].plot(orbit.t, orbit.force[:, TANGENTIAL], color=COLOURS[1], label="tangential")
+    _label(axes[1, 1], "stance force", "time [s]", "force [N]")
+    axes[1, 2].plot(orbit.foot[:, 0], orbit.foot[:, 1] * 1e3, color="black")
+    axes[1, 2].axhline(0.0, color=FLOOR)
+    _label(axes[1, 2], "swing foot", "x from the stance foot [m]", "height [mm]")
+    for axis in (axes[0, 1], axes[1, 1]):
+        axis.legend(fontsize=8)
+    try:
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ControllerInputError(f"{path}: cannot be written: {error}") from error
+
+
+def _postures(axis: object, model: WalkerModel, orbit: Orbit) -> None:
+    for k, t in enumerate(np.linspace(0.0, orbit.step_time, POSTURES)):
+        q = np.array([np.interp(t, orbit.t, orbit.q[:, i]) for i in range(5)])
+        stance, swing, torso = _links(model, q)
+        alpha = 0.35 + 0.65 * k / (POSTURES - 1)
+        for points, colour in ((stance, COLOURS[0]), (swing, COLOURS[1]), (torso, "#404752")):
+            axis.plot(*points.T, color=colour, alpha=alpha, linewidth=2)  # type: ignore[attr-defined]
+    axis.axhline(0.0, color=FLOOR)  # type: ignore[attr-defined]
+    axis.set_aspect("equal")  # type: ignore[attr-defined]
+    _label(axis, "postures (stance blue, swing orange)", "x [m]", "z [m]")
+
+
+def _links(model: WalkerModel, q: Vector) -> tuple[Vector, Vector, Vector]:
+    """Points (x, z) of stance leg, swing leg and torso in [m], stance foot at the origin."""
+
+    def along(length: float, phi: float) -> Vector:
+        return length * np.array([-np.sin(phi), np.cos(phi)])
+
+    def leg(hip: int, knee: int) -> tuple[Vector, Vector]:
+        thigh = along(model.femur.length, q[TORSO] + q[hip])
+        return thigh, thigh + along(model.tibia.length, q[TORSO] + q[hip] + q[knee])
+
+    stance_knee, stance_foot = leg(STANCE_HIP, STANCE_KNEE)
+    swing_knee, swing_foot = leg(SWING_HIP, SWING_KNEE)
+    hip = -stance_foot
+    top = along(2.0 * model.torso.com, q[TORSO])
+    return (
+        np.array([hip, hip + stance_knee, hip + stance_foot]),
+        np.array([hip, hip + swing_knee, hip + swing_foot]),
+        np.array([hip, hip + top]),
+    )
+
+
+def _cycle(axis: object, orbit: Orbit, i: int, colour: str) -> None:
+    """One coordinate over a step, then dotted to where the impact and the exchange of legs leave it; hips from pi."""
+    other = int(swap_legs(np.arange(5.0))[i])
+    shift = np.pi if i in (STANCE_HIP, SWING_HIP) else 0.0
+    axis.plot(orbit.q[:, i] - shift, orbit.dq[:, i], color=colour)  # type: ignore[attr-defined]
+    angle = [orbit.q[-1, i] - shift, orbit.q[0, other] - shift]
+    axis.plot(angle, [orbit.dq[-1, i], orbit.dq[0, other]], color=colour, linestyle=":")  # type: ignore[attr-defined]
+
+
+def _label(axis: object, title: str, x: str, y: str) -> None:
+    axis.set_title(title, fontsize=10)  # type: ignore[attr-defined]
+    axis.set_xlabel(x)  # type: ignore[attr-defined]
+    axis.set_ylabel(y)  # type: ignore[attr-defined]
+    axis.grid(alpha=0.3)  # type: ignore[attr-defined]
