@@ -88,7 +88,7 @@ def test_a_walk_that_hops_about_for_ever_has_its_mean_for_a_fixed_point() -> Non
 
 
 def test_a_walk_that_wanders_off_has_none() -> None:
-    P, fixed = linear_map(EIGENVALUES)
+    _, fixed = linear_map(EIGENVALUES)
 
     def leaving(x: NDArray) -> NDArray:
         return SURFACE.project(x + np.array([0.0] * 5 + [0.4] * 5))

@@ -163,8 +163,8 @@ def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]
 
     Returns:
         "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
-        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread", "roughness",
-        "study_h", "study_largest".
+        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread",
+        "roughness", "study_h", "study_largest".
     """
     from sim import poincare
 
