@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test check bench clean help
+.PHONY: run test tools check bench clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -16,6 +16,11 @@ run: $(STAMP)  ## walk: the default scenario, or ARGS="undisturbed --steps 5"
 
 test: $(STAMP)  ## run the tests, or some: ARGS="tests/test_qp.py"
 	@$(BIN)/python -m pytest -n 2 $(ARGS)
+
+tools: $(STAMP)  ## tests of what browsers, Node, pyarrow and OpenGL make of a log; needs npm, uses what is there
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev,parquet,video]"
+	@npm ci --silent --prefix tests/node
+	@$(BIN)/python -m pytest -ra tests/test_logs.py tests/test_node_reader.py tests/test_review_page.py tests/test_film.py
 
 check: $(STAMP)  ## lint, format, types and import contracts
 	@$(BIN)/ruff check .

@@ -151,30 +151,18 @@ def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: F
         weight=np.empty((N, 4)),
         linear=np.empty((N, 4)),
         R=weights.R,
-        lower=-limit - horizon.u,  # Eq. (19)
-        upper=limit - horizon.u,
+        lower=np.empty((N, 4)),
+        upper=np.empty((N, 4)),
         rows=np.empty((N, rows, 4)),
         limits=np.empty((N, rows)),
         penalty=0.0 if friction is None else friction.penalty,
     )
-    _errors(
-        horizon.T,
-        horizon.y,
-        horizon.dy,
-        weights.Q_position,
-        weights.Q_velocity,
-        problem.weight,
-        problem.linear,
-    )
-    if friction is not None:
-        _contact_rows(
-            horizon.force,
-            horizon.force_per_torque,
-            friction.mu,
-            friction.normal_min,
-            problem.rows,
-            problem.limits,
-        )
+    mu, normal_min = (0.0, 0.0) if friction is None else (friction.mu, friction.normal_min)
+    _fill(
+        horizon.T, horizon.y, horizon.dy, horizon.u, horizon.force, horizon.force_per_torque, weights.Q_position,
+        weights.Q_velocity, limit, mu, normal_min, problem.weight, problem.linear, problem.lower, problem.upper,
+        problem.rows, problem.limits,
+    )  # fmt: skip
     return problem
 
 
@@ -199,3 +187,17 @@ def _contact_rows(force, per_torque, mu, normal_min, rows, limits):  # type: ign
         limits[k, 0] = mu * force[k, 1] - force[k, 0]
         limits[k, 1] = mu * force[k, 1] + force[k, 0]
         limits[k, 2] = force[k, 1] - normal_min
+
+
+@kernels.compiled
+def _fill(  # type: ignore[no-untyped-def]
+    T, y, dy, u, force, per_torque, Qp, Qd, limit, mu, normal_min, weight, linear, lower, upper, rows, limits
+):
+    """All numbers of the problem that are not the horizon's own."""
+    _errors(T, y, dy, Qp, Qd, weight, linear)
+    for k in range(u.shape[0]):
+        for i in range(4):
+            lower[k, i] = -limit[i] - u[k, i]  # Eq. (19)
+            upper[k, i] = limit[i] - u[k, i]
+    if rows.shape[1] > 0:
+        _contact_rows(force, per_torque, mu, normal_min, rows, limits)

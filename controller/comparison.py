@@ -1,7 +1,5 @@
 """Two solvers on the same problems, as a walk meets them: for the benchmark and for tests."""
 
-import time
-
 import numpy as np
 
 from controller.qp import Solution, Solver, SparseSolver, StageQP
@@ -20,7 +18,6 @@ class ComparingSolver:
         violation: Largest violation of the torque box by the first solver in [N.m].
         solve_s: Wall times of the first solver in [s].
         reference_s: Wall times of the second in [s], same order.
-        total_s: Wall times of both and the comparison in [s], same order.
         kept: Every `keep_every`-th problem, for later use.
     """
 
@@ -32,7 +29,6 @@ class ComparingSolver:
         self.objective_gap = self.violation = 0.0
         self.solve_s: list[float] = []
         self.reference_s: list[float] = []
-        self.total_s: list[float] = []
         self.kept: list[StageQP] = []
 
     @property
@@ -47,7 +43,6 @@ class ComparingSolver:
 
     def solve(self, problem: StageQP) -> Solution:
         """Solve with both; the first one's answer counts."""
-        started = time.perf_counter()
         solution, reference = self._solver.solve(problem), self._reference.solve(problem)
         if self.problems % self._keep_every == 0:
             self.kept.append(problem)
@@ -62,7 +57,6 @@ class ComparingSolver:
             self.objective_gap = max(self.objective_gap, gap)
         outside = np.maximum(problem.lower - solution.u, solution.u - problem.upper)
         self.violation = max(self.violation, float(outside.max()))
-        self.total_s.append(time.perf_counter() - started)
         return solution
 
 

@@ -18,7 +18,7 @@ from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, facto
 TO_BOUNDARY = 0.995  # share of the way to the nearest bound that a step may go
 FEASIBLE = 1e-7  # [N]
 INSIDE = 1e-2  # share of the box's width that the start keeps from its bounds
-COLD, WARM = 1e-1, 1e-3  # least multipliers at the start, relative to the gradient
+COLD, WARM = 1e-1, 1e-4  # least multipliers at the start, relative to the gradient
 
 
 class Point(NamedTuple):
@@ -46,6 +46,8 @@ class Newton(NamedTuple):
         Omega: Weights of the contact-force rows, (N, r).
         a: Gradient on w_{k+1}, (N, 4).
         residual: d - E u + lambda / rho - t in [N], (N, r).
+        per_below, per_above: Reciprocal distances to the bounds in [1/(N.m)], (N, 4).
+        per_row: 1 / (t + lambda / rho) in [1/N], (N, r).
         factors: Of the matrix.
     """
 
@@ -53,6 +55,9 @@ class Newton(NamedTuple):
     Omega: Array
     a: Array
     residual: Array
+    per_below: Array
+    per_above: Array
+    per_row: Array
     factors: Factors
 
 
@@ -64,18 +69,18 @@ def new_point(N: int, r: int) -> Point:
 
 @compiled
 def minimise(
-    p: Problem, x: Point, warm: bool, w: Array, gradient: Array, factors: Factors, tolerance: float, limit: int
+    p: Problem, x: Point, scale: float, w: Array, gradient: Array, factors: Factors, tolerance: float, limit: int
 ) -> int:
-    """Minimise from the centre of the torque box, or from the point of the tick before.
+    """Minimise from a point inside all bounds: that of `start`, or where an earlier call with less tolerance ended.
 
     Args:
         p: Problem.
-        x: The point of the tick before if `warm`; overwritten by the answer.
-        warm: Where to start.
+        x: The point; overwritten by the answer.
+        scale: From `start`.
         w: Filled with the rates, (N, 4).
         gradient: Filled with the gradient of the smooth part of the objective, (N, 4).
         factors: Scratch.
-        tolerance: On stationarity and mean complementarity, relative to the largest gradient at the start.
+        tolerance: On stationarity and mean complementarity, relative to `scale`.
         limit: Most iterations.
 
     Returns:
@@ -83,9 +88,9 @@ def minimise(
     """
     N, r = p.limits.shape
     d, second = new_point(N, r), new_point(N, r)
-    newton = Newton(np.empty((N, 4)), np.empty((N, r)), np.empty((N, 4)), np.empty((N, r)), factors)
+    e = np.empty
+    newton = Newton(e((N, 4)), e((N, r)), e((N, 4)), e((N, r)), e((N, 4)), e((N, 4)), e((N, r)), factors)
     free = np.zeros((N, 4), dtype=np.int8)
-    scale = start(p, x, warm, w, gradient)
     for count in range(limit + 1):
         rates(p, x.u, w)
         smooth_gradient(p, x.u, w, gradient)
@@ -96,7 +101,7 @@ def minimise(
         for part in second:
             part[:] = 0.0
         direction(p, x, newton, 0.0, second, free, d)
-        affine = complementarity(p, x, d, longest(p, x, d))
+        affine = complementarity(p, x, d, longest(x, newton, d))
         for k in range(N):
             for i in range(4):
                 second.lower[k, i] = d.lower[k, i] * d.u[k, i]
@@ -104,7 +109,7 @@ def minimise(
             for q in range(r):
                 second.force[k, q] = d.force[k, q] * d.slack[k, q]
         direction(p, x, newton, mu * (affine / mu) ** 3, second, free, d)
-        alpha = min(1.0, TO_BOUNDARY * longest(p, x, d))
+        alpha = min(1.0, TO_BOUNDARY * longest(x, newton, d))
         for k in range(N):
             for i in range(4):
                 x.u[k, i] += alpha * d.u[k, i]
@@ -118,7 +123,18 @@ def minimise(
 
 @compiled
 def start(p: Problem, x: Point, warm: bool, w: Array, gradient: Array) -> float:
-    """Point to begin with, strictly inside all bounds; returns the largest gradient there."""
+    """Point to begin with, strictly inside all bounds.
+
+    Args:
+        p: Problem.
+        x: The point of the tick before if `warm`; overwritten.
+        warm: Whether to begin near that, or at the centre of the torque box.
+        w: Filled with the rates, (N, 4).
+        gradient: Filled with the gradient of the smooth part of the objective, (N, 4).
+
+    Returns:
+        The largest gradient there, which residuals are relative to.
+    """
     N, r = p.limits.shape
     for k in range(N):
         before = min(k + 1, N - 1)  # the tick before was one stage behind
@@ -170,13 +186,15 @@ def linearise(p: Problem, x: Point, w: Array, gradient: Array, newton: Newton) -
             for i in range(4):
                 residual -= p.rows[k, q, i] * x.u[k, i]
             newton.residual[k, q] = residual
-            newton.Omega[k, q] = x.force[k, q] / (x.slack[k, q] + x.force[k, q] / p.penalty)
+            newton.per_row[k, q] = 1.0 / (x.slack[k, q] + x.force[k, q] / p.penalty)
+            newton.Omega[k, q] = x.force[k, q] * newton.per_row[k, q]
             feasibility = max(feasibility, abs(residual))
             mu += x.force[k, q] * x.slack[k, q]
         for i in range(4):
             below, above = x.u[k, i] - p.lower[k, i], p.upper[k, i] - x.u[k, i]
             mu += x.lower[k, i] * below + x.upper[k, i] * above
-            newton.R[k, i] = p.R[i] + x.lower[k, i] / below + x.upper[k, i] / above
+            newton.per_below[k, i], newton.per_above[k, i] = 1.0 / below, 1.0 / above
+            newton.R[k, i] = p.R[i] + x.lower[k, i] * newton.per_below[k, i] + x.upper[k, i] * newton.per_above[k, i]
             newton.a[k, i] = p.weight[k, i] * w[k, i] + p.linear[k, i]
             g = gradient[k, i] - x.lower[k, i] + x.upper[k, i]
             for q in range(r):
@@ -192,49 +210,42 @@ def direction(p: Problem, x: Point, newton: Newton, mu: float, second: Point, fr
     b = np.empty((N, 4))
     for k in range(N):
         for i in range(4):
-            below, above = x.u[k, i] - p.lower[k, i], p.upper[k, i] - x.u[k, i]
-            b[k, i] = p.R[i] * x.u[k, i] - (mu - second.lower[k, i]) / below + (mu - second.upper[k, i]) / above
+            push = (mu - second.upper[k, i]) * newton.per_above[k, i]
+            push -= (mu - second.lower[k, i]) * newton.per_below[k, i]
+            b[k, i] = p.R[i] * x.u[k, i] + push
         for q in range(r):
             product = mu - second.force[k, q] - x.force[k, q] * (x.slack[k, q] + newton.residual[k, q])
-            d.force[k, q] = product / (x.slack[k, q] + x.force[k, q] / p.penalty)
+            d.force[k, q] = product * newton.per_row[k, q]
             for i in range(4):
                 b[k, i] += p.rows[k, q, i] * (x.force[k, q] + d.force[k, q])
     step(p, free, x.u, newton.Omega, newton.a, b, newton.factors, d.u)
+    softness = 1.0 / p.penalty
     for k in range(N):
         for i in range(4):
-            below, above = x.u[k, i] - p.lower[k, i], p.upper[k, i] - x.u[k, i]
-            d.lower[k, i] = (mu - second.lower[k, i] - x.lower[k, i] * d.u[k, i]) / below - x.lower[k, i]
-            d.upper[k, i] = (mu - second.upper[k, i] + x.upper[k, i] * d.u[k, i]) / above - x.upper[k, i]
+            du, low, up = d.u[k, i], x.lower[k, i], x.upper[k, i]
+            d.lower[k, i] = (mu - second.lower[k, i] - low * du) * newton.per_below[k, i] - low
+            d.upper[k, i] = (mu - second.upper[k, i] + up * du) * newton.per_above[k, i] - up
         for q in range(r):
             change = 0.0
             for i in range(4):
                 change += p.rows[k, q, i] * d.u[k, i]
             d.force[k, q] += newton.Omega[k, q] * change
-            d.slack[k, q] = newton.residual[k, q] - change + d.force[k, q] / p.penalty
+            d.slack[k, q] = newton.residual[k, q] - change + d.force[k, q] * softness
 
 
 @compiled
-def longest(p: Problem, x: Point, d: Point) -> float:
+def longest(x: Point, newton: Newton, d: Point) -> float:
     """Longest step, at most 1, that keeps every bounded quantity from crossing zero."""
-    N, r = p.limits.shape
-    alpha = 1.0
+    N, r = newton.residual.shape
+    blocked = 1.0  # reciprocal of the step
     for k in range(N):
         for i in range(4):
             du = d.u[k, i]
-            if du < 0.0:
-                alpha = min(alpha, (p.lower[k, i] - x.u[k, i]) / du)
-            elif du > 0.0:
-                alpha = min(alpha, (p.upper[k, i] - x.u[k, i]) / du)
-            if d.lower[k, i] < 0.0:
-                alpha = min(alpha, -x.lower[k, i] / d.lower[k, i])
-            if d.upper[k, i] < 0.0:
-                alpha = min(alpha, -x.upper[k, i] / d.upper[k, i])
+            blocked = max(blocked, du * newton.per_above[k, i], -du * newton.per_below[k, i])
+            blocked = max(blocked, -d.lower[k, i] / x.lower[k, i], -d.upper[k, i] / x.upper[k, i])
         for q in range(r):
-            if d.force[k, q] < 0.0:
-                alpha = min(alpha, -x.force[k, q] / d.force[k, q])
-            if d.slack[k, q] < 0.0:
-                alpha = min(alpha, -x.slack[k, q] / d.slack[k, q])
-    return alpha
+            blocked = max(blocked, -d.force[k, q] / x.force[k, q], -d.slack[k, q] / x.slack[k, q])
+    return 1.0 / blocked
 
 
 @compiled

@@ -60,12 +60,15 @@ class GaitTable(NamedTuple):
         clock: Clock vector c of theta = c q, (5,).
         theta_start: Clock at the start of a step in [rad].
         theta_span: Clock travelled in a step in [rad].
+        s_first, s_last: Beyond these the outputs go on along their tangents; by default the polynomials never end.
     """
 
     poly: Array
     clock: Array
     theta_start: float
     theta_span: float
+    s_first: float = -np.inf
+    s_last: float = np.inf
 
 
 class Gains(NamedTuple):
@@ -257,7 +260,8 @@ def outputs(gait: GaitTable, q: Array, dq: Array, stage: Stage) -> tuple[float, 
     for i in range(N_Q):
         theta += gait.clock[i] * q[i]
         dtheta += gait.clock[i] * dq[i]
-    s = (theta - gait.theta_start) / gait.theta_span
+    wished = (theta - gait.theta_start) / gait.theta_span
+    s = min(max(wished, gait.s_first), gait.s_last)
     degree = gait.poly.shape[1] - 1
     for i in range(N_U):
         h = gait.poly[i, degree]
@@ -267,6 +271,9 @@ def outputs(gait: GaitTable, q: Array, dq: Array, stage: Stage) -> tuple[float, 
             h2 = h2 * s + 2.0 * h1
             h1 = h1 * s + h
             h = h * s + gait.poly[i, k]
+        if s != wished:
+            h += h1 * (wished - s)
+            h2 = 0.0
         stage.h1[i] = h1 / gait.theta_span
         stage.h2[i] = h2 / (gait.theta_span * gait.theta_span)
         stage.y[i] = q[i] - h

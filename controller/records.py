@@ -113,7 +113,8 @@ class ControlStep:
         s: Normalised clock, 0 to 1 over a nominal step.
         contact_force: Stance force expected under `u_total`, (tangential, normal) in [N], (2,).
         impact_in: Ticks to the first predicted impact, -1 if none within the horizon.
-        status: "zd-pd", "optimal", or why the tick fell back to saturated ZD+PD.
+        status: "zd-pd", "optimal", "suboptimal" for a plan that could be better, or why the tick fell back to
+            saturated ZD+PD.
         fallback: Whether it did.
         iterations: Solver iterations.
         residuals: Feasibility, stationarity and complementarity residuals of the solved problem, (3,).

@@ -18,11 +18,14 @@ from controller.kernels import Array, compiled
 from controller.qp import Solution, Solver, StageQP, failed
 from controller.riccati import Factors, Problem, new_factors, rates, smooth_gradient
 
-EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 6, 2, 4  # most sweeps: as a rule, after a hard tick, after interior point
+EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 8, 1, 2  # most sweeps: as a rule, after a hard tick, after interior point
 INTERIOR_ITERATIONS = 40
-INTERIOR_TOLERANCE = 1e-10  # relative
+INTERIOR_TOLERANCES = (1e-7, 1e-10)  # relative; what is active shows at the first in most cases
 STATIONARY = 1e-4  # [N.m] residual of an answer that may be used
 AT_BOUND = 1e-7  # [N.m] what counts as sitting at a bound
+
+
+Residuals = tuple[float, float, float, float, int]
 
 
 class State(NamedTuple):
@@ -67,8 +70,8 @@ class RiccatiSolver:
             problem.rows, problem.limits, problem.penalty,
         )  # fmt: skip
         state = self._state
-        iterations, self._hard = advance(p, state, self._hard)
-        stationarity, feasibility, complementarity, slack, active = residuals(p, state.u, state.gradient)
+        iterations, self._hard, checks = advance(p, state, self._hard)
+        stationarity, feasibility, complementarity, slack, active = checks
         if not (stationarity <= STATIONARY and feasibility <= AT_BOUND):  # NaN counts as failed
             return self._next_in_line(problem, started)
         return Solution(
@@ -93,37 +96,7 @@ class RiccatiSolver:
 
 
 @compiled
-def advance(p: Problem, s: State, hard: bool) -> tuple[int, bool]:
-    """Answer one tick's problem into `s.u`; returns the sweeps and iterations taken and whether it was hard.
-
-    Args:
-        p: Problem.
-        s: State from the last tick.
-        hard: Whether the last tick needed the interior-point method.
-    """
-    active_set.shift(s.guess)
-    limit = HARD_SWEEPS if hard else EASY_SWEEPS
-    sweeps = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, limit)
-    if sweeps > 0:
-        return sweeps, False
-    iterations = interior_point.minimise(
-        p, s.point, hard, s.w, s.gradient, s.factors, INTERIOR_TOLERANCE, INTERIOR_ITERATIONS
-    )
-    interior_point.identify(p, s.point, s.guess)
-    polish = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, POLISH_SWEEPS)
-    if polish < 0:
-        for k in range(s.u.shape[0]):
-            for i in range(4):
-                s.u[k, i] = s.point.u[k, i]
-        rates(p, s.u, s.w)
-        smooth_gradient(p, s.u, s.w, s.gradient)
-        interior_point.identify(p, s.point, s.guess)
-        active_set.correct(p, s.guess, s.u, s.gradient)
-    return limit + abs(iterations) + abs(polish), True
-
-
-@compiled
-def residuals(p: Problem, u: Array, gradient: Array) -> tuple[float, float, float, float, int]:
+def residuals(p: Problem, u: Array, gradient: Array) -> Residuals:
     """How far u is from optimal.
 
     Stationarity and complementarity are divided by R: as the objective is at least as curved as R, they bound the
@@ -160,3 +133,43 @@ def residuals(p: Problem, u: Array, gradient: Array) -> tuple[float, float, floa
                 active += 1
                 slack = max(slack, excess)
     return stationarity, feasibility, complementarity, slack, active
+
+
+@compiled
+def advance(p: Problem, s: State, hard: bool) -> tuple[int, bool, Residuals]:
+    """Answer one tick's problem into `s.u`.
+
+    Args:
+        p: Problem.
+        s: State from the last tick.
+        hard: Whether the last tick needed the interior-point method.
+
+    Returns:
+        Sweeps and iterations taken, whether this tick needed the interior-point method, and `residuals`.
+    """
+    active_set.shift(s.guess)
+    limit = HARD_SWEEPS if hard else EASY_SWEEPS
+    sweeps = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, limit)
+    if sweeps > 0:
+        return sweeps, False, residuals(p, s.u, s.gradient)
+    total = limit
+    polish = -1
+    scale = interior_point.start(p, s.point, hard, s.w, s.gradient)
+    for tolerance in INTERIOR_TOLERANCES:
+        total += abs(
+            interior_point.minimise(p, s.point, scale, s.w, s.gradient, s.factors, tolerance, INTERIOR_ITERATIONS)
+        )
+        interior_point.identify(p, s.point, s.guess)
+        polish = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, POLISH_SWEEPS)
+        total += abs(polish)
+        if polish > 0:
+            break
+    if polish < 0:
+        for k in range(s.u.shape[0]):
+            for i in range(4):
+                s.u[k, i] = s.point.u[k, i]
+        rates(p, s.u, s.w)
+        smooth_gradient(p, s.u, s.w, s.gradient)
+        interior_point.identify(p, s.point, s.guess)
+        active_set.correct(p, s.guess, s.u, s.gradient)
+    return total, True, residuals(p, s.u, s.gradient)

@@ -28,7 +28,7 @@ AXES = {"q5": np.array([0.0, 0.0, 0.0, 0.0, 1.0]), "torso": np.array([-1.0, -1.0
 
 EPSILON = 0.05  # [rad], rates in units of `poincare.RATE_SCALE`
 STEPS = 25
-SETTLING, KEPT = 40, 20  # steps of the undisturbed walk, and of those whose mean is the periodic state
+SETTLING, KEPT = 25, 10  # steps of the undisturbed walk, and of those whose mean is the periodic state
 
 
 class Fate(IntEnum):

@@ -75,7 +75,7 @@ def benchmark(*, quick: bool, say: Say) -> list[Figure]:
     """
     steps = 3 if quick else 8
     figures: list[Figure] = []
-    for part in (ticks, against_clarabel, horizons, real_time, start_up, memory):
+    for part in (ticks, paired, against_clarabel, horizons, ltv_ticks, real_time, start_up, memory):
         say(part.__doc__.splitlines()[0] if part.__doc__ else part.__name__)
         figures += part(steps)
     return figures
@@ -102,9 +102,20 @@ def ticks(steps: int) -> list[Figure]:
     ]
 
 
+def ltv_ticks(steps: int) -> list[Figure]:
+    """Ticks of c-mpc-ltv over the same runs."""
+    tape = TickTimes()
+    for name in RUNS:
+        run_scenario(_walk(name, steps, **{"controller.kind": "c-mpc-ltv"}), tape=tape)
+    median, p999 = np.quantile(1e3 * np.array(tape.seconds), [0.5, 0.999])
+    return [
+        Figure(name="tick of c-mpc-ltv, median", value=float(median), unit="ms", target="<= 0.5"),
+        Figure(name="tick of c-mpc-ltv, 99.9 %", value=float(p999), unit="ms", target="<= 1.0"),
+    ]
+
+
 def against_clarabel(steps: int) -> list[Figure]:
-    """The same ticks against Clarabel through qpsolvers at 1e-12, problem by problem."""
-    ratios: list[float] = []
+    """Answers against Clarabel's at 1e-12, problem by problem."""
     gaps: list[float] = []
     kept = []
     problems = active = 0
@@ -113,18 +124,12 @@ def against_clarabel(steps: int) -> list[Figure]:
         scenario = _walk(name, max(2, steps * 5 // 8))
         N = scenario.controller.horizon
         both = ComparingSolver(make_solver("riccati", N, 3), exact_clarabel(N))
-        tape = TickTimes()
-        run_scenario(scenario, solver=both, tape=tape)
-        skip = both.problems - len(tape.seconds)  # the warm-up's
-        rest = np.array(tape.seconds) - np.array(both.total_s)[skip:]
-        ratios += list((rest + np.array(both.reference_s)[skip:]) / (rest + np.array(both.solve_s)[skip:]))
+        run_scenario(scenario, solver=both)
         gaps += both.torque_gaps
         kept += both.kept
         problems, active = problems + both.problems, active + both.active
         objective, violation = max(objective, both.objective_gap), max(violation, both.violation)
     figures = [
-        Figure(name="tick with Clarabel over tick with riccati, median", value=float(np.median(ratios)), unit="x",
-               target=">= 50"),
         Figure(name="problems compared", value=float(problems), unit="", target=">= 5000"),
         Figure(name="of them with active constraints", value=float(active), unit="", target=">= 1000"),
         Figure(name="first torque from Clarabel's, largest", value=max(gaps), unit="N.m", target="<= 1e-3"),
@@ -140,6 +145,23 @@ def against_clarabel(steps: int) -> list[Figure]:
             Figure(name=f"solve, {solver}, failed of {len(kept)}", value=row["failed"], unit=""),
         ]
     return figures
+
+
+def paired(steps: int) -> list[Figure]:
+    """The same ticks with Clarabel through qpsolvers and with riccati."""
+    ratios: list[float] = []
+    for name in RUNS:
+        seconds = {}
+        for solver in ("riccati", "clarabel"):
+            tape = TickTimes()
+            run_scenario(_walk(name, max(2, steps // 4), **{"controller.solver": solver}), tape=tape)
+            seconds[solver] = np.array(tape.seconds)
+        n = min(len(ticks) for ticks in seconds.values())
+        ratios += list(seconds["clarabel"][:n] / seconds["riccati"][:n])
+    ratio = float(np.median(ratios))
+    return [
+        Figure(name="tick with clarabel over the same tick with riccati, median", value=ratio, unit="x", target=">= 50")
+    ]
 
 
 def horizons(steps: int) -> list[Figure]:

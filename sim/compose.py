@@ -23,6 +23,7 @@ from sim.actuation import Actuation
 from sim.errors import UserError
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
+from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
 from sim.models import ModelFiles
 from sim.outcome import RunSummary
@@ -33,6 +34,7 @@ from sim.rigid import RigidPlant
 from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
 from sim.sensors import Sensors
+from sim.terrain import Terrain
 from sim.viewer import check_display, viewer
 
 __all__ = [
@@ -116,6 +118,8 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
     gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
     if settings.kind == "zd-pd":
         return ZeroDynamicsController(belief.model, belief.gait, gains)
+    if settings.kind == "c-mpc-ltv":
+        return _ltv_cascade(settings, belief, gains)
     friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min)
     with _as_user_errors():
         return CascadedMpc(
@@ -128,6 +132,32 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
             friction=friction if settings.friction_rows else None,
             solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
+
+
+def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:
+    from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
+
+    ltv = settings.ltv
+    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=ltv.force_penalty)
+    return LtvCascade(
+        belief.model,
+        belief.gait,
+        gains,
+        period=settings.period,
+        stages=ltv.stages,
+        stage_time=ltv.stage_time,
+        substeps=ltv.substeps,
+        weights=LtvWeights(
+            output=ltv.output,
+            output_rate=ltv.output_rate,
+            clock_rate=ltv.clock_rate,
+            torque=ltv.torque,
+            last=ltv.last,
+            torque_penalty=ltv.torque_penalty,
+        ),
+        friction=friction if settings.friction_rows else None,
+        slope_memory=ltv.slope_memory,
+    )
 
 
 def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:
@@ -269,17 +299,21 @@ def run_scenario(
 
     if log is None:
         return loop(tape or NoTape())
-    with Recorder(log, _header(scenario, belief, files), scenario.controller.period) as recorder:
+    with Recorder(log, _header(scenario, belief, plant, files), scenario.controller.period) as recorder:
         summary = loop(recorder)
         recorder.result(summary)
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, files: ModelFiles) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant, files: ModelFiles) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
-    model = belief.model
-    parts = {"femur": model.femur, "tibia": model.tibia}
-    legs = {f"{side}_{part}": link.length for side in ("left", "right") for part, link in parts.items()}
+    lengths = {
+        f"{leg}_{part}": length
+        for leg, both in zip(LEGS, plant.legs.lengths, strict=True)
+        for part, length in zip(("femur", "tibia"), both, strict=True)
+    }
+    walk_length = RUN_UP + LONGEST_STEP * scenario.steps
+    terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=walk_length)
     git = provenance.git_state()
     return RunHeader(
         scenario_name=scenario.name,
@@ -290,8 +324,8 @@ def _header(scenario: Scenario, belief: Belief, files: ModelFiles) -> RunHeader:
         git_dirty=git.dirty,
         platform=provenance.platform_name(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
-        link_lengths={"torso": 2.0 * model.torso.com, **legs},
-        slope=scenario.plant.ground.slope,
+        link_lengths={"torso": 2.0 * belief.model.torso.com, **lengths},
+        ground=terrain.outline(-RUN_UP, walk_length + RUN_UP),
         attachments={
             files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
             files.urdf.name: ("application/xml", files.urdf.read_bytes()),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, FEET, JOINTS, AppliedForce, Observation, PlantState, Vector
@@ -41,7 +42,6 @@ class MujocoPlant:
     Attributes:
         com: Centre of mass (x, z) of each link in its own frame in [m], by link name.
         torque_limits: Actuator limits in [N.m], (4,), ordered as `JOINTS`; infinite without saturation.
-        mjcf_text: The model as compiled, modelling errors applied, as MJCF.
         sources: Files the plant was read from.
         legs: Lengths of the legs.
     """
@@ -75,7 +75,7 @@ class MujocoPlant:
         spec = build_spec(settings, Path(model_path), self._terrain)
         self._model = model = spec.compile()
         self._data = data = mujoco.MjData(model)
-        self.mjcf_text: str = spec.to_xml()
+        self._spec = spec
 
         def qpos_address(joint: str) -> int:
             return int(model.jnt_qposadr[model.joint(joint).id])
@@ -89,14 +89,16 @@ class MujocoPlant:
             return int(model.sensor_adr[model.sensor(sensor).id])
 
         self._feet_address = [sensor_address(name) for name in FEET]
-        self._link_address = [sensor_address(name) for name in DETECTED_LINKS]
-        # A foot's sensor reads "found", then the net force on it in the world frame, of which x and z matter.
-        self._force_index = np.array([address + i for address in self._feet_address for i in (1, 3)])
+        self._link_address = np.array([sensor_address(name) for name in DETECTED_LINKS])
 
         # Live views into MuJoCo's memory: read and copied within a call, never handed out.
         self._qpos, self._qvel, self._ctrl = data.qpos, data.qvel, data.ctrl
         self._sensors, self._actuator_force = data.sensordata, data.actuator_force
         self._xfrc, self._warnings = data.xfrc_applied, data.warning.number
+        # A foot's sensor reads "found", then the net force on it in the world frame: its x and z, a row a foot.
+        left, right = self._feet_address
+        item = self._sensors.itemsize
+        self._foot_forces = as_strided(self._sensors[left + 1 :], (2, 2), ((right - left) * item, 2 * item))
 
         ipos = model.body_ipos
         self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
@@ -106,6 +108,11 @@ class MujocoPlant:
         self._radius = float(model.geom("left_foot").size[0])  # [m]
         self._state_size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self._begin()
+
+    @property
+    def mjcf_text(self) -> str:
+        """The model as compiled, modelling errors applied, as MJCF."""
+        return str(self._spec.to_xml())
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -169,30 +176,30 @@ class MujocoPlant:
         q = self._qpos[self._q_index]
         hip = self._qpos[self._hip_index]
         hip_x, hip_z = hip.tolist()
-        foot = [(hip_x + x, hip_z + z) for x, z in self._feet(q.tolist())]
-        clearance, contact_force = [], []
-        means = (self._force_total / self._substeps).tolist()  # [N], left x, z, right x, z
-        for (x, z), fx, fz in zip(foot, means[0::2], means[1::2], strict=True):
+        feet: list[float] = []
+        contact_forces: list[float] = []
+        clearances: list[float] = []
+        for (x, z), (fx, fz) in zip(self._feet(q.tolist()), (self._force_total / self._substeps).tolist(), strict=True):
+            x, z = hip_x + x, hip_z + z
             ground = self._terrain.under(x)
             cos, sin = math.cos(ground.angle), math.sin(ground.angle)
-            clearance.append(z - (x * sin + self._radius) / cos - ground.intercept)
-            contact_force.append((fx * cos + fz * sin, fz * cos - fx * sin))
-        sensors = self._sensors
+            feet += (x, z)
+            clearances.append(z - (x * sin + self._radius) / cos - ground.intercept)
+            contact_forces += (fx * cos + fz * sin, fz * cos - fx * sin)
+        numbers = np.array((*feet, *contact_forces, *clearances, *self._push))
         return PlantState(
             t=self._ticks * self._period,
             q=q,
             dq=self._qvel[self._q_index],
             hip=hip,
             dhip=self._qvel[self._hip_index],
-            foot=np.array(foot),
-            clearance=np.array(clearance),
+            foot=numbers[0:4].reshape(2, 2),
+            clearance=numbers[8:10],
             torque=self._actuator_force[self._u_index],
             contact=self._contact(),
-            contact_force=np.array(contact_force),
-            push=np.array(self._push),
-            penetrating=tuple(
-                name for name, i in zip(DETECTED_LINKS, self._link_address, strict=True) if sensors[i] > 0
-            ),
+            contact_force=numbers[4:8].reshape(2, 2),
+            push=numbers[10:12],
+            penetrating=self._links_on_ground(),
             applied=self._applied,
         )
 
@@ -214,10 +221,10 @@ class MujocoPlant:
             self._apply(forces)
         total = self._force_total
         total.fill(0.0)
-        model, data, sensors, index = self._model, self._data, self._sensors, self._force_index
+        model, data, foot_forces = self._model, self._data, self._foot_forces
         for _ in range(self._substeps):
             mujoco.mj_step(model, data)
-            total += sensors[index]
+            total += foot_forces
         self._ticks += 1
         finite = math.isfinite(sum(self._qpos.tolist()) + sum(self._qvel.tolist()))
         if not finite or any(self._warnings.tolist()):
@@ -225,7 +232,7 @@ class MujocoPlant:
 
     def _begin(self) -> None:
         self._ticks = 0
-        self._force_total = np.zeros(4)  # [N] left x, z, right x, z: sum over the substeps
+        self._force_total = np.zeros((2, 2))  # [N] (x, z), a row a foot: sum over the substeps
         self._push = (0.0, 0.0)  # [N]
         self._pushed = False
         self._applied: tuple[AppliedForce, ...] = ()
@@ -233,6 +240,12 @@ class MujocoPlant:
     def _contact(self) -> tuple[bool, bool]:
         left, right = self._feet_address
         return bool(self._sensors[left] > 0), bool(self._sensors[right] > 0)
+
+    def _links_on_ground(self) -> tuple[str, ...]:
+        found = self._sensors[self._link_address].tolist()
+        if not any(found):
+            return ()
+        return tuple(name for name, is_found in zip(DETECTED_LINKS, found, strict=True) if is_found)
 
     def _absolute_angles(self, q: Sequence[float]) -> tuple[float, ...]:
         """Absolute angles of the links in [rad], ordered as `BODIES`, from `q` in [rad]; rates from rates."""

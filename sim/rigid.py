@@ -204,6 +204,7 @@ class RigidPlant:
             contact_force=np.array(contact_force),
             push=self._push.copy(),
             penetrating=self._penetrating(hip.tolist()),
+            applied=self._forces,
         )
 
     def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
@@ -339,10 +340,13 @@ class RigidPlant:
     def _penetrating(self, hip: Sequence[float]) -> tuple[str, ...]:
         """Links whose capsule reaches the ground, of those the other plant senses."""
         left, right, _, _, torso = self._q.tolist()
-        angles = (torso, torso + left, torso + right)
+        x, z = hip
+        hip_height = z - self._terrain.height(x)
         found = []
-        for name, angle, (length, thickness) in zip(DETECTED_LINKS, angles, self._capsules, strict=True):
-            end = hip[0] - length * math.sin(angle), hip[1] + length * math.cos(angle)
-            if any(z - self._terrain.height(x) < thickness for x, z in (hip, end)):
+        for name, angle, (length, thickness) in zip(
+            DETECTED_LINKS, (torso, torso + left, torso + right), self._capsules, strict=True
+        ):
+            end_x, end_z = x - length * math.sin(angle), z + length * math.cos(angle)
+            if hip_height < thickness or end_z - self._terrain.height(end_x) < thickness:
                 found.append(name)
         return tuple(found)

@@ -22,6 +22,7 @@ from sim.signal_settings import ActuationSettings, SensorSettings
 from sim.tables import BodyFactors, JointFactors
 from sim.units import (
     AT_LEAST_ONE,
+    FRACTION,
     NOT_NEGATIVE,
     POSITIVE,
     Newton,
@@ -37,6 +38,7 @@ __all__ = [
     "ControllerSettings",
     "GroundSettings",
     "JointFactors",
+    "LtvSettings",
     "PlantSettings",
     "Push",
     "Scenario",
@@ -55,11 +57,43 @@ TIME_PER_STEP = 2.0  # [s] of simulated time allowed for each step when no limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LtvSettings:
+    """Prediction and cost of c-mpc-ltv; the other controllers do not read them.
+
+    Attributes:
+        stages: Prediction horizon.
+        stage_time: Length of a stage.
+        substeps: Integration steps of a stage.
+        output: Weight on the outputs y.
+        output_rate: Weight on their rates.
+        clock_rate: Weight on the clock's rate off the nominal orbit.
+        torque: Weight on the MPC's torques.
+        last: Factor on the weights of the last stage.
+        torque_penalty: Weight on planned torques beyond their limits; the one applied now never is.
+        force_penalty: Weight on contact forces beyond their limits.
+        slope_memory: Share of the old belief about the ground's slope kept at a touch-down; 1 believes in level ground.
+    """
+
+    stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 50
+    stage_time: Annotated[Second, POSITIVE] = 6e-3
+    substeps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 2
+    output: Annotated[float, Unit("1/rad^2"), NOT_NEGATIVE] = 1e5
+    output_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 1e3
+    clock_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 3e4
+    torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 0.1
+    last: Annotated[Ratio, NOT_NEGATIVE] = 10.0
+    torque_penalty: Annotated[float, Unit("1/(N.m)^2"), NOT_NEGATIVE] = 30.0
+    force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
+    slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
     """The controller and its beliefs; joint gains are ordered stance hip, swing hip, stance knee, swing knee.
 
     Attributes:
-        kind: Control law: the cascade (ZD+PD inside an MPC), or ZD+PD alone.
+        kind: Control law: the paper's cascade (ZD+PD inside an MPC), ZD+PD alone, or a cascade with an MPC that
+            linearises the closed loop through impacts and minds the clock's rate.
         kp: Proportional gains K_P of the outputs.
         kd: Derivative gains K_D of the outputs.
         horizon: Prediction horizon N.
@@ -68,9 +102,10 @@ class ControllerSettings:
         friction_rows: Whether the MPC bounds the stance contact force.
         normal_force_min: Lower bound on the stance foot's normal force.
         solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
+        ltv: Prediction and cost of c-mpc-ltv.
     """
 
-    kind: Literal["c-mpc", "zd-pd"] = "c-mpc"
+    kind: Literal["c-mpc", "zd-pd", "c-mpc-ltv"] = "c-mpc"
     kp: Annotated[Four, Unit("1/s^2"), NOT_NEGATIVE] = (60.0, 90.0, 90.0, 50.0)
     kd: Annotated[Four, Unit("1/s"), NOT_NEGATIVE] = (10.0, 20.0, 20.0, 10.0)
     horizon: Annotated[int, Unit("ticks"), AT_LEAST_ONE] = 100
@@ -79,6 +114,7 @@ class ControllerSettings:
     friction_rows: bool = True
     normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0
     solver: str = "riccati"
+    ltv: LtvSettings = dataclasses.field(default_factory=LtvSettings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

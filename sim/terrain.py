@@ -74,6 +74,15 @@ class Terrain:
         """
         return self.facets[max(0, bisect_right(self._starts, x) - 1)]
 
+    def outline(self, start: float, end: float) -> tuple[tuple[float, float], ...]:
+        """The ground as a line through (x, z) in [m] from `start` to `end`; where it jumps, two points share x."""
+        points = []
+        for facet in self.facets:
+            x0, x1 = max(start, facet.x0), min(end, facet.x1)
+            if x0 < x1:
+                points += [(x0, facet.height(x0)), (x1, facet.height(x1))]
+        return tuple(points)
+
     def height(self, x: float) -> float:
         """Height of the ground in [m] at x in [m]."""
         return self.under(x).height(x)

@@ -12,6 +12,7 @@ from sim.loop import Stop
 from sim.plant import MujocoPlant
 from sim.rigid import RigidPlant
 
+EXTENT = 2.0  # [m] of what is looked at
 FRAME = 1 / 60  # [s]
 CLOSING = 2.0  # [s] for the window to close
 
@@ -43,6 +44,7 @@ def viewer(plant: MujocoPlant | RigidPlant, period: float, stop: Stop | None) ->
     """
     import mujoco.viewer
 
+    plant.model.stat.extent = EXTENT  # for the camera alone: the ground may be a kilometre long
     before = set(threading.enumerate())
     try:
         opened = mujoco.viewer.launch_passive(plant.model, plant.data, show_left_ui=False, show_right_ui=False)

@@ -14,6 +14,7 @@ from sim.scenario import load, with_values
 from tests.test_recorder import HEADER, PERIOD, tick
 
 SLOPE = 0.05  # [rad]
+GROUND = ((-2.0, -0.1), (1.0, 0.05), (1.0, 0.02), (5.0, 0.02))  # [m], a ramp, then a step down to a level floor
 
 
 @pytest.fixture(scope="module")
@@ -98,14 +99,16 @@ def test_impact_says_when_it_had_been_foreseen(log):
     assert message.last_error == seen[-1] + control["impact_in"][seen[-1]] - k
 
 
-def test_ground_lies_at_its_slope(tmp_path):
-    with Recorder(tmp_path / "run.mcap", replace(HEADER, slope=SLOPE), PERIOD) as recorder:
+def test_ground_lies_along_its_line(tmp_path):
+    with Recorder(tmp_path / "run.mcap", replace(HEADER, ground=GROUND), PERIOD) as recorder:
         recorder.tick(0, *tick(0), 0.0)
     ((_, scene),) = read_log(tmp_path / "run.mcap").messages("/scene")
-    ground = arrows(scene)["ground"].cubes[0]
-    turn = ground.pose.orientation
-    along = np.array((1 - 2 * turn.y**2, -2 * turn.w * turn.y))
-    assert along == pytest.approx((cos(SLOPE), sin(SLOPE)))
-    up = np.array((-along[1], along[0]))
-    top = np.array((ground.pose.position.x, ground.pose.position.z)) + ground.size.z / 2 * up
-    assert top == pytest.approx((0.0, 0.0), abs=1e-12)
+    plates = arrows(scene)["ground"].cubes
+    assert len(plates) == 2
+    for plate, (start, end) in zip(plates, (GROUND[:2], GROUND[2:]), strict=True):
+        turn = plate.pose.orientation
+        along = np.array((1 - 2 * turn.y**2, -2 * turn.w * turn.y))
+        up = np.array((-along[1], along[0]))
+        top = np.array((plate.pose.position.x, plate.pose.position.z)) + plate.size.z / 2 * up
+        assert top - plate.size.x / 2 * along == pytest.approx(start, abs=1e-12)
+        assert top + plate.size.x / 2 * along == pytest.approx(end, abs=1e-12)

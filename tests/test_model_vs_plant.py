@@ -8,7 +8,9 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
+from controller.model import WalkerModel
 from sim.plant import MujocoPlant
+from sim.rigid import RigidPlant
 from sim.scenario import PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit"
@@ -86,3 +88,44 @@ def test_damping_and_effort_limits_agree(plant: MujocoPlant) -> None:
     assert np.array_equal(plant.model.dof_damping, model.damping)
     for name, limit in zip(("left_hip", "right_hip", "left_knee", "right_knee"), plant.torque_limits, strict=True):
         assert model.upperEffortLimit[model.joints[model.getJointId(name)].idx_v] == limit
+
+
+@pytest.fixture(scope="module")
+def rigid() -> RigidPlant:
+    return RigidPlant(PlantSettings(timestep=1e-3), RABBIT / "rabbit.xml", 1e-3)
+
+
+def in_stance_order(vector: NDArray, leg: int) -> NDArray:
+    return vector if leg == 0 else vector[[1, 0, 3, 2, 4][: len(vector)]]
+
+
+@pytest.mark.parametrize("leg", [0, 1])
+def test_accelerations_and_contact_force_of_the_pinned_walker_agree(rigid: RigidPlant, leg: int) -> None:
+    model = WalkerModel(RABBIT / "rabbit.urdf")
+    rng = np.random.default_rng(1)
+    motion, force = [], []
+    for _ in range(100):
+        q, dq, u = rng.uniform(-np.pi, np.pi, 5), rng.uniform(-5, 5, 5), rng.uniform(-50, 50, 4)
+        rigid.reset(q, dq, ("left", "right")[leg])
+        rigid._scratch.applied[:] = 0.0
+        rigid._scratch.applied[rigid._joint_dof] = u
+        found = np.empty(12)
+        rigid._derivative(np.concatenate((q, dq, np.zeros(2))), found)
+        ours = [in_stance_order(v, leg) for v in (q, dq, u)]
+        motion.append((in_stance_order(found[5:10], leg), model.acceleration(*ours)))
+        force.append((found[10:], model.stance_force(*ours)[0]))
+    assert worst(motion) < 1e-9
+    assert worst(force) < 1e-9
+
+
+def test_impacts_agree(rigid: RigidPlant) -> None:
+    model = WalkerModel(RABBIT / "rabbit.urdf")
+    rng = np.random.default_rng(2)
+    rates = []
+    for _ in range(100):
+        q, dq = rng.uniform(-np.pi, np.pi, 5), rng.uniform(-5, 5, 5)
+        rigid.reset(q, dq, "left")
+        rigid._land(0.0)
+        assert rigid.impact is not None
+        rates.append((in_stance_order(rigid.impact.dq_after, 1), model.impact(q, dq)[1]))
+    assert worst(rates) < 1e-9

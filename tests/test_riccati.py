@@ -98,7 +98,9 @@ def test_active_set_and_interior_point_find_the_same_answer(seed, conflict):
 
     point, factors = interior_point.new_point(N, R), riccati.new_factors(N)
     w, gradient = np.empty((2, N, 4))
-    assert interior_point.minimise(p, point, False, w, gradient, factors, structured.INTERIOR_TOLERANCE, 60) > 0
+    scale = interior_point.start(p, point, False, w, gradient)
+    tolerance = structured.INTERIOR_TOLERANCES[-1]
+    assert interior_point.minimise(p, point, scale, w, gradient, factors, tolerance, 60) > 0
     np.testing.assert_allclose(point.u, exact.u, atol=1e-3)
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from sim import flags
+from sim import flags, settings
 from sim.errors import UserError
 from sim.scenario import Scenario, load
 
@@ -37,6 +37,7 @@ def main(argv: Sequence[str]) -> int:
     scenario = flags.apply(scenario, found)
     if found.step_size is not None and not 0.0 < found.step_size < 1.0:
         raise UserError(f"--step-size {found.step_size:g} rad: must be above 0 and below 1 [rad]")
+    _check_legs(scenario)
     report = analyse(scenario, step_size=found.step_size, quiet=found.quiet or found.json)
     print(json.dumps(report) if found.json else _text(report, scenario))
     return 0 if report["converged"] else 1
@@ -59,6 +60,18 @@ def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
     own.add_argument("--quiet", action="store_true", help="show no progress")
     flags.add_settings(parser, scenario, argv)
     return parser
+
+
+def _check_legs(scenario: Scenario) -> None:
+    """A step map needs legs that are alike: otherwise a step with the left leg leads to one of another map."""
+    values = {row.path: row.value for row in settings.table(scenario)}
+    for path, value in values.items():
+        twin = path.replace(".left_", ".right_")
+        if values[twin] != value:
+            raise UserError(
+                f"--{path.replace('_', '-')} {value}: the legs must be alike for a step map; "
+                f"--{twin.replace('_', '-')} is {values[twin]}"
+            )
 
 
 def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool = True) -> dict[str, Any]:

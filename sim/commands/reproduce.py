@@ -4,13 +4,14 @@ import difflib
 import importlib
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sim import flags
+from sim.bar import cost_bar
 from sim.errors import UserError
+from sim.interrupt import stop_on_signal
 from sim.reproduce import EXPERIMENTS
 from sim.scenario import Scenario
 
@@ -26,7 +27,7 @@ claim hangs on; --out then keeps the results apart:
   cmpc reproduce fig4 table2 --quick
   cmpc reproduce fig5 --controller.kp 0 0 0 0 --out logs/without-kp
 
-exit code: 0 done, whatever the verdicts; 2 bad input, 130 interrupted (run it again to go on)
+exit code: 0 done, whatever the verdicts; 2 bad input; 130 and 143 interrupted by Ctrl-C and SIGTERM
 """
 
 
@@ -105,37 +106,17 @@ def _reproduce(
         done[name] = modules[name].evaluate(results, effort)
         report.write(name, done[name], out, quick=quick)
 
-    with _progress(silent) as show:
-        tasks.run(everything, store, workers=workers, progress=show, finished=finished)
+    with stop_on_signal() as stop, cost_bar("reproducing", quiet=silent) as show:
+        try:
+            tasks.run(everything, store, workers=workers, progress=show, finished=finished, stop=stop)
+        except tasks.Stopped as reason:
+            print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
+            return 128 + stop.signum
     ordered = {name: done[name] for name in names}
     page = report.write_page(ordered, out, quick=quick)
     _print_verdicts(ordered)
     print(f"\npage: {page}\ndata: {out / 'data'}", flush=True)
     return 0
-
-
-@contextmanager
-def _progress(silent: bool) -> Iterator[Callable[[float, float], None] | None]:
-    """A bar on stderr with the time left; nothing if that is no terminal."""
-    if silent or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    from sim.reproduce.tasks import TimeLeft
-
-    left = TimeLeft()
-    columns = (TextColumn("reproducing"), BarColumn(), TextColumn("{task.percentage:3.0f} %  {task.fields[left]}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0, left="")
-
-        def show(done: float, total: float) -> None:
-            seconds = left(done, total)
-            words = "" if seconds is None else f"{int(seconds) // 60}:{int(seconds) % 60:02d} left"
-            bar.update(task, completed=done, total=total, left=words)
-
-        yield show
 
 
 def _print_verdicts(found: Mapping[str, Any]) -> None:

@@ -1,7 +1,9 @@
 """Forces as arrows for 3D panels: foxglove.SceneUpdate at the rate of the frames."""
 
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import atan2, cos, hypot, sin
 
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
@@ -36,17 +38,32 @@ class Arrow:
     scale: float
 
 
-def arrows_of(state: PlantState, slope: float, femur_length: Mapping[str, float]) -> list[Arrow]:
+class GroundAngle:
+    """Inclination of the ground in [rad] at x in [m]."""
+
+    def __init__(self, ground: Sequence[tuple[float, float]]) -> None:
+        """Args: ground: line through (x, z) in [m]."""
+        facets = [(x0, atan2(z1 - z0, x1 - x0)) for (x0, z0), (x1, z1) in pairwise(ground) if x1 > x0]
+        self._starts = [x for x, _ in facets]
+        self._angles = [angle for _, angle in facets]
+
+    def __call__(self, x: float) -> float:
+        """Inclination of the facet under x; on a border, of the one that begins there."""
+        return self._angles[max(0, bisect_right(self._starts, x) - 1)]
+
+
+def arrows_of(state: PlantState, ground: GroundAngle, femur_length: Mapping[str, float]) -> list[Arrow]:
     """Every force of a tick: contact forces begin at the foot, pushes end where they attack.
 
     Args:
         state: Truth at the tick.
-        slope: Inclination of the ground in [rad].
+        ground: Inclination of the ground by place.
         femur_length: Length of the femur of each leg in [m].
     """
     found = []
     for leg, foot, (tangential, normal) in zip(LEGS, state.foot.tolist(), state.contact_force.tolist(), strict=True):
-        fx, fz = tangential * cos(slope) - normal * sin(slope), tangential * sin(slope) + normal * cos(slope)
+        angle = ground(foot[0])
+        fx, fz = tangential * cos(angle) - normal * sin(angle), tangential * sin(angle) + normal * cos(angle)
         found.append(Arrow(name=f"contact.{leg}", tail=tuple(foot), force=(fx, fz), scale=CONTACT_SCALE))
     poses = link_poses(state, femur_length) if state.applied else {}
     for number, push in enumerate(state.applied):

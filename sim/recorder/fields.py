@@ -22,7 +22,9 @@ LINKS = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
 LEGS = ("left", "right")
 """Code of a leg -> name; also the order of the feet (`FEET`)."""
 
-STATUSES = ("other", "zd-pd", "optimal", "no-solution", "solver-error", "second-solver", "prediction-diverged")
+STATUSES = (
+    "other", "zd-pd", "optimal", "no-solution", "solver-error", "second-solver", "prediction-diverged", "suboptimal",
+)  # fmt: skip
 """Code of a status -> `ControlStep.status`. A status not listed here is logged as "other", its text as an
 event. Codes are part of the file format: append, never reorder."""
 

@@ -1,7 +1,7 @@
 """What a log says about its run before the first tick."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 
@@ -25,7 +25,7 @@ class RunHeader:
         platform: Operating system, machine and Python.
         started: Wall time of the start, ISO 8601.
         link_lengths: Length of each link in [m], keyed as `LINKS`.
-        slope: Inclination of the drawn ground in [rad], positive uphill.
+        ground: Line of the ground through (x, z) in [m], x growing; where it jumps, two points share x.
         attachments: File name -> (media type, content), such as the MJCF, the URDF and the gait.
     """
 
@@ -38,7 +38,7 @@ class RunHeader:
     platform: str
     started: str
     link_lengths: Mapping[str, float]
-    slope: float = 0.0
+    ground: Sequence[tuple[float, float]] = ((-10.0, 0.0), (100.0, 0.0))
     attachments: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -69,7 +69,7 @@ class RunHeader:
             "platform": self.platform,
             "started": self.started,
             "link_lengths": json.dumps(dict(self.link_lengths), sort_keys=True),
-            "slope": json.dumps(self.slope),
+            "ground": json.dumps(self.ground),
             "sha256": json.dumps(
                 {name: sha256(data).hexdigest() for name, (_, data) in self.all_attachments().items()},
                 sort_keys=True,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sim.errors import UserError
 from sim.interface import ControlStep, Observation, Plan, PlantState
 from sim.outcome import RunSummary
-from sim.recorder.arrows import arrows_of, force_update
+from sim.recorder.arrows import GroundAngle, arrows_of, force_update
 from sim.recorder.block import TickBlock
 from sim.recorder.container import McapFile
 from sim.recorder.fields import CHANNELS, LEGS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
@@ -71,7 +71,7 @@ class Recorder:
         if self._period_ns <= 0:
             raise ValueError(f"period is {period} s; it must be at least 1e-9 s")
         self._femur_length = {leg: header.link_lengths[f"{leg}_femur"] for leg in LEGS}
-        self._slope = header.slope
+        self._ground = GroundAngle(header.ground)
         self._hindsight = Hindsight()
         self._frame_every = max(1, round(1 / (FRAME_RATE * period)))
         self._extras: list[_Extra] = []
@@ -101,7 +101,7 @@ class Recorder:
             for topic, kind in foxglove
         )
         self.event(0, "info", "run", header.headline)
-        self._add_extra(0, self._scene, scene_update(header.link_lengths, header.slope))
+        self._add_extra(0, self._scene, scene_update(header.link_lengths, header.ground))
 
     def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
         """Log one tick.
@@ -182,7 +182,7 @@ class Recorder:
         """What is drawn: links, forces, and what the controller expects."""
         time_ns = k * self._period_ns
         self._add_extra(k, self._tf, frame_transforms(time_ns, state, self._femur_length))
-        arrows = arrows_of(state, self._slope, self._femur_length)
+        arrows = arrows_of(state, self._ground, self._femur_length)
         if arrows:
             lifetime_ns = round(1.5 * self._frame_every * self._period_ns)
             self._add_extra(k, self._forces, force_update(time_ns, arrows, lifetime_ns))

@@ -4,8 +4,9 @@ A frame sits at the link's proximal joint and its z axis runs along the link. An
 the x-z plane, measured from "up": rotations about the axis (0, -1, 0).
 """
 
-from collections.abc import Mapping
-from math import cos, sin
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from math import atan2, cos, hypot, sin
 from typing import Any
 
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -17,7 +18,7 @@ from sim.recorder.fields import LEGS, LINKS
 WORLD = "world"
 _RADIUS = 0.025  # [m] of the drawn links
 _FOOT_RADIUS = 0.03  # [m] of the drawn feet
-_GROUND = (200.0, 2.0, 0.02)  # [m] length, width, thickness of the drawn ground
+_GROUND_WIDTH, _GROUND_THICKNESS = 2.0, 0.02  # [m]
 _LINK_COLOUR = {"torso": (0.35, 0.35, 0.4), "left": (0.13, 0.45, 0.75), "right": (0.85, 0.4, 0.15)}
 _GROUND_COLOUR = (0.75, 0.75, 0.72)
 
@@ -60,12 +61,12 @@ def frame_transforms(time_ns: int, state: PlantState, femur_length: Mapping[str,
     return message.SerializeToString(deterministic=True)
 
 
-def scene_update(link_lengths: Mapping[str, float], slope: float) -> bytes:
+def scene_update(link_lengths: Mapping[str, float], ground: Sequence[tuple[float, float]]) -> bytes:
     """Serialised SceneUpdate: a bar a link, a ball a foot, the ground.
 
     Args:
         link_lengths: Length of each of `LINKS` in [m].
-        slope: Inclination of the ground in [rad], positive uphill; it turns about the origin.
+        ground: Line of the ground through (x, z) in [m].
     """
     message = SceneUpdate()
     for link in LINKS:
@@ -84,13 +85,22 @@ def scene_update(link_lengths: Mapping[str, float], slope: float) -> bytes:
             foot.pose.orientation.w = 1.0
             foot.size.x = foot.size.y = foot.size.z = 2 * _FOOT_RADIUS
             _paint(foot.color, colour)
-    ground = message.entities.add(frame_id=WORLD, id="ground", frame_locked=True).cubes.add()
-    ground.size.x, ground.size.y, ground.size.z = _GROUND
-    half = ground.size.z / 2
-    ground.pose.position.x, ground.pose.position.z = half * sin(slope), -half * cos(slope)
-    ground.pose.orientation.y, ground.pose.orientation.w = -sin(slope / 2), cos(slope / 2)
-    _paint(ground.color, _GROUND_COLOUR)
+    floor = message.entities.add(frame_id=WORLD, id="ground", frame_locked=True)
+    for (x0, z0), (x1, z1) in pairwise(ground):
+        if x1 > x0:
+            _add_plate(floor.cubes.add(), x0, z0, x1, z1)
     return message.SerializeToString(deterministic=True)
+
+
+def _add_plate(plate: Any, x0: float, z0: float, x1: float, z1: float) -> None:
+    """A plate whose upper side runs from one point to the other."""
+    angle = atan2(z1 - z0, x1 - x0)
+    plate.size.x, plate.size.y, plate.size.z = hypot(x1 - x0, z1 - z0), _GROUND_WIDTH, _GROUND_THICKNESS
+    half = _GROUND_THICKNESS / 2
+    plate.pose.position.x = (x0 + x1) / 2 + half * sin(angle)
+    plate.pose.position.z = (z0 + z1) / 2 - half * cos(angle)
+    plate.pose.orientation.y, plate.pose.orientation.w = -sin(angle / 2), cos(angle / 2)
+    _paint(plate.color, _GROUND_COLOUR)
 
 
 def set_time(timestamp: Any, time_ns: int) -> None:

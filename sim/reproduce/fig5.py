@@ -1,13 +1,12 @@
 """Fig. 5: deviation from the gait under 25 N throughout the second step, and what remains undisturbed."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sim.reproduce.measure import OUTCOMES
-from sim.reproduce.panels import JOINT_STYLES, LinePanel, Series, Span, thinned
+from sim.reproduce.panels import JOINT_STYLES, LinePanel, Series, Span, same_scale, thinned
 from sim.reproduce.study import (
     CONTROLLER_NAMES,
     CONTROLLERS,
@@ -70,7 +69,9 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     def smaller(statistic: str) -> Verdict:
         def judge(plant: str) -> Finding:
             runs = [results[f"{plant}/{controller}/pushed"] for controller in ("c-mpc", "zd-pd")]
-            last = max(PUSHED, min(int(run["steps"]) for run in runs))  # what follows is falling
+            last = min(int(run["steps"]) for run in runs)  # what follows is falling
+            if last < PUSHED:
+                return Finding(text=f"one falls in step {last + 1}, before the push is over", holds=False)
             values = []
             for run in runs:
                 y = run["y"][between(run, PUSHED, last)]
@@ -86,11 +87,14 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         for controller in ("c-mpc", "zd-pd"):
             run = results[f"{plant}/{controller}/steady"]
             values.append(rms(run["y"][between(run, STEADY_FROM + 1, STEADY_STEPS)]))
+        if not np.isfinite(values).all():
+            return Finding(text="falls undisturbed", holds=False)
         ratio = values[0] / values[1]
         text = f"{values[0]:.1e} against {values[1]:.1e} rad: {ratio:.3f}"
         return Finding(text=text, holds=bool(ratio < VANISHED))
 
-    panels, tables = [], {}
+    panels: list[tuple[LinePanel, ...]] = []
+    tables = {}
     for plant in PLANTS:
         row = []
         for controller in CONTROLLERS:
@@ -114,7 +118,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 remaining,
             ),
         ),
-        panels=_same_scale(panels),
+        panels=tuple(same_scale(row, most=0.5) for row in panels),
         tables=tables,
         notes=(
             "Where a walker falls, only the steps both complete are compared.",
@@ -139,14 +143,3 @@ def _panel(run: Arrays, title: str) -> LinePanel:
         series=tuple(lines),
         spans=(Span(x0=float(ends[0]), x1=float(ends[-1]), name=f"{FORCE:g} N"),) if len(ends) else (),
     )
-
-
-def _same_scale(rows: list[tuple[LinePanel, ...]]) -> tuple[tuple[LinePanel, ...], ...]:
-    """One y range a row, so that the controllers compare by eye."""
-    scaled = []
-    for row in rows:
-        values = np.concatenate([s.y for panel in row for s in panel.series])
-        # A fall goes through the roof; the deviations before it are what is compared.
-        bound = 1.08 * float(min(np.abs(values).max(), 0.5))
-        scaled.append(tuple(replace(panel, y_range=(-bound, bound)) for panel in row))
-    return tuple(scaled)

@@ -24,7 +24,7 @@ WINDOWS = {"before": (1, PUSHED - 1), "during": (PUSHED, PUSHED), "after": (9, S
 
 NEAR_ZERO = 0.1  # of ZD+PD's RMS in the same window
 LARGE = 3.0  # times the RMS before
-VANISHED = 1.1  # times the RMS of an undisturbed walk in the same steps
+VANISHED = 1.5  # times the RMS of an undisturbed walk in the same steps
 
 
 def tasks(effort: Effort) -> Mapping[str, Task]:

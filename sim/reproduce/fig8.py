@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.basin import EPSILON, STEPS, Fate, Grid
-from sim.reproduce.panels import MapPanel
+from sim.reproduce.panels import BLUE, ORANGE, MapPanel, Region
 from sim.reproduce.study import (
     CONTROLLERS,
     PLANT_NAMES,
@@ -57,17 +57,48 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     }
 
 
-def _converged(results: Results, name: str, controller: str, grid: Grid) -> np.ndarray:
+def stacked(results: Results, name: str, controller: str, what: str, grid: Grid) -> np.ndarray:
+    """Columns of a map side by side, (forces, offsets)."""
+    prefix = f"{name}/" if name else ""
+    return np.array([results[f"{prefix}{controller}/{i}"][what] for i in range(len(grid.torso))]).T
+
+
+def converged(results: Results, name: str, controller: str, grid: Grid) -> np.ndarray:
     """Which points come back, (forces, offsets)."""
-    columns = [results[f"{name}/{controller}/{i}"]["fate"] for i in range(len(grid.torso))]
-    return np.array(columns).T == Fate.CONVERGED
+    found: np.ndarray = stacked(results, name, controller, "fate", grid) == Fate.CONVERGED
+    return found
+
+
+def table(results: Results, name: str, grid: Grid) -> dict[str, np.ndarray]:
+    """Fate and steps of both controllers at every point."""
+    offsets, forces = np.meshgrid(grid.torso, grid.force)
+    columns = {"torso offset [rad]": offsets.ravel(), "force [N]": forces.ravel()}
+    for controller in CONTROLLERS:
+        for what in ("fate", "steps"):
+            columns[f"{controller} {what}"] = stacked(results, name, controller, what, grid).ravel()
+    return columns
+
+
+def panel(zd: np.ndarray, mpc: np.ndarray, grid: Grid, *, title: str) -> MapPanel:
+    """The map of both basins."""
+    return MapPanel(
+        title=title,
+        x_label="initial torso offset [rad]",
+        y_label="force throughout step 1 [N]",
+        x=grid.torso,
+        y=grid.force,
+        classes=np.where(zd & mpc, 2, np.where(mpc, 3, np.where(zd, 1, 0))),
+        names=CLASSES,
+        colours=COLOURS,
+        regions=_regions(zd, mpc, grid),
+    )
 
 
 def evaluate(results: Results, effort: Effort) -> Evaluation:
     """Areas and boundaries."""
     maps = _maps(effort)
     inside = {
-        (name, controller): _converged(results, name, controller, grid)
+        (name, controller): converged(results, name, controller, grid)
         for name, (_, _, grid) in maps.items()
         for controller in CONTROLLERS
     }
@@ -94,32 +125,14 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     def kept(plant: str) -> Finding:
         zd, mpc = (inside[plant, controller] for controller in CONTROLLERS)
         share = float((zd & mpc).sum() / zd.sum()) if zd.any() else float("nan")
-        return Finding(text=f"{100 * share:.1f} %", holds=bool(share >= 0.95))
+        return Finding(text=f"{100 * share:.1f} %", holds=None)
 
     panels, tables, notes = [], {}, []
     for name, (plant, axis, grid) in maps.items():
         zd, mpc = (inside[name, controller] for controller in CONTROLLERS)
-        classes = np.where(zd & mpc, 2, np.where(mpc, 3, np.where(zd, 1, 0)))
         reading = "torso tilted about the hip" if axis == "torso" else "whole walker tilted about the foot"
-        panels.append(
-            MapPanel(
-                title=f"{PLANT_NAMES[plant]}: {reading}",
-                x_label="initial torso offset [rad]",
-                y_label="force throughout step 1 [N]",
-                x=grid.torso,
-                y=grid.force,
-                classes=classes,
-                names=CLASSES,
-                colours=COLOURS,
-            )
-        )
-        offsets, forces = np.meshgrid(grid.torso, grid.force)
-        columns = {"torso offset [rad]": offsets.ravel(), "force [N]": forces.ravel()}
-        for controller in CONTROLLERS:
-            for what in ("fate", "steps"):
-                stacked = np.array([results[f"{name}/{controller}/{i}"][what] for i in range(len(grid.torso))]).T
-                columns[f"{controller} {what}"] = stacked.ravel()
-        tables[f"basin-{name.replace(', ', '-').replace(' ', '-')}"] = columns
+        panels.append(panel(zd, mpc, grid, title=f"{PLANT_NAMES[plant]}: {reading}"))
+        tables[f"basin-{name.replace(', ', '-').replace(' ', '-')}"] = table(results, name, grid)
         if name not in PLANTS:
             area = areas(name)
             notes.append(
@@ -138,7 +151,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         verdicts=(
             Verdict.of("C-MPC's basin is larger: area", "considerably larger", larger),
             Verdict.of("its boundary is extended upward (forward forces)", "extended from the top", upward),
-            Verdict.of("it keeps the basin of ZD+PD: at least 95 % of its points", "enlarges it", kept),
+            Verdict.of("points of ZD+PD's basin that C-MPC keeps", "not said", kept),
         ),
         panels=(tuple(panels),),
         tables=tables,
@@ -150,6 +163,15 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
             "about its foot and start it with the other foot in the ground, which a plant with contact cannot do.",
             *notes,
         ),
+    )
+
+
+def _regions(zd: np.ndarray, mpc: np.ndarray, grid: Grid) -> tuple[Region, Region]:
+    """Both basins, named with their areas."""
+    areas = [float(inside.sum()) * grid.cell for inside in (zd, mpc)]
+    return (
+        Region(name=f"C-MPC, {areas[1]:.1f} rad N", inside=mpc, colour=BLUE, dash="solid"),
+        Region(name=f"ZD+PD, {areas[0]:.1f} rad N", inside=zd, colour=ORANGE, dash="dashed"),
     )
 
 

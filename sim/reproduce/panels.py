@@ -1,5 +1,6 @@
 """What a figure shows, said once: drawn by matplotlib (`draw.py`) and by the page's own script (`page.js`)."""
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -83,6 +84,23 @@ class LinePanel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Region:
+    """A part of a map.
+
+    Attributes:
+        name: Name in the legend.
+        inside: Which points belong to it, (n, m).
+        colour: Of its outline.
+        dash: "solid", "dashed" or "dotted".
+    """
+
+    name: str
+    inside: NDArray[Any]
+    colour: str
+    dash: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapPanel:
     """Classes over a grid, with boundaries.
 
@@ -95,6 +113,7 @@ class MapPanel:
         classes: Index into `names`, (n, m).
         names: Names of the classes.
         colours: Their colours, light to dark.
+        regions: Whose outlines are drawn.
     """
 
     title: str
@@ -105,9 +124,17 @@ class MapPanel:
     classes: NDArray[Any]
     names: Sequence[str]
     colours: Sequence[str]
+    regions: Sequence[Region] = ()
 
 
 Panel = LinePanel | MapPanel
+
+
+def same_scale(row: Sequence[LinePanel], most: float = np.inf) -> tuple[LinePanel, ...]:
+    """The panels with one symmetric y range, so that they compare by eye; `most` bounds it, and cuts off a fall."""
+    values = np.concatenate([series.y for panel in row for series in panel.series])
+    bound = 1.08 * float(min(np.nanmax(np.abs(values)), most))
+    return tuple(dataclasses.replace(panel, y_range=(-bound, bound)) for panel in row)
 
 
 def thinned(x: NDArray[Any], y: NDArray[Any], most: int = 1200) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -32,7 +32,7 @@ def write(name: str, found: Evaluation, folder: Path, *, quick: bool) -> None:
     data = folder / "data"
     data.mkdir(exist_ok=True)
     for stem, columns in found.tables.items():
-        _write_csv(data / f"{name}-{stem}.csv", columns)
+        write_csv(data / f"{name}-{stem}.csv", columns)
     verdict = {
         "experiment": name,
         "title": EXPERIMENTS[name],
@@ -130,6 +130,7 @@ def _plain_panel(panel: Panel) -> Any:
     plain = {f.name: _plain(getattr(panel, f.name)) for f in dataclasses.fields(panel)}
     if isinstance(panel, LinePanel):
         return plain
+    del plain["regions"]  # the classes tell them apart
     plain["classes"] = [[int(value) for value in row] for row in panel.classes]
     return plain
 
@@ -144,7 +145,8 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, np.integer) else value
 
 
-def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:
+def write_csv(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write columns of equal length, numbers in full."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)

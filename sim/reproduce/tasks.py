@@ -4,7 +4,6 @@ import hashlib
 import importlib
 import json
 import os
-import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from multiprocessing import get_context
@@ -26,6 +25,10 @@ SLICE = 0.2  # [s] between looks at the clock
 
 Progress = Callable[[float, float], None]
 """Told the cost done and the cost in all."""
+
+
+class Stopped(Exception):
+    """The user asked to stop."""
 
 
 class Store:
@@ -94,6 +97,7 @@ def run(
     workers: int,
     progress: Progress | None = None,
     finished: Callable[[str], None] | None = None,
+    stop: Callable[[], str | None] = lambda: None,
 ) -> None:
     """Run those tasks that have no stored result yet.
 
@@ -103,8 +107,10 @@ def run(
         workers: Number of processes, 1 or more; one runs in this process.
         progress: Told how far it is, a few times a second.
         finished: Told the name of every task once its result is stored.
+        stop: Asked between tasks, and a few times a second while workers are busy; a reason ends the run.
 
     Raises:
+        Stopped: `stop` gave a reason; what is finished is stored.
         UserError: a task's input is not legal, or the store cannot be written.
     """
     total = sum(task.cost for task in tasks.values())
@@ -122,6 +128,7 @@ def run(
     report(done, total)
     if workers == 1:
         for name, names in missing.items():
+            _heed(stop)
             store.put(tasks[name], work(tasks[name]))
             done += _close(names, tasks, finished)
             report(done, total)
@@ -129,10 +136,16 @@ def run(
     if not missing:
         return
     _one_thread_each()
-    pool = ProcessPoolExecutor(min(workers, len(missing)), mp_context=get_context("spawn"), initializer=_deaf)
+    pool = ProcessPoolExecutor(
+        min(workers, len(missing)),
+        mp_context=get_context("spawn"),
+        initializer=_prepare,
+        initargs=(store.folder / "workers.log",),
+    )
     try:
         running: dict[Future[dict[str, NDArray[Any]]], str] = {pool.submit(work, tasks[name]): name for name in missing}
         while running:
+            _heed(stop)
             ready, _ = wait(running, timeout=SLICE, return_when=FIRST_COMPLETED)
             for future in ready:
                 name = running.pop(future)
@@ -145,6 +158,12 @@ def run(
         pool.shutdown(wait=False, cancel_futures=True)
         raise
     pool.shutdown()
+
+
+def _heed(stop: Callable[[], str | None]) -> None:
+    reason = stop()
+    if reason:
+        raise Stopped(reason)
 
 
 def _close(names: list[str], tasks: Mapping[str, Task], finished: Callable[[str], None] | None) -> float:
@@ -168,26 +187,11 @@ def _one_thread_each() -> None:
         os.environ.setdefault(variable, "1")
 
 
-def _deaf() -> None:
-    """Leave Ctrl-C to the parent, which ends its workers."""
+def _prepare(log: Path) -> None:
+    """Leave Ctrl-C to the parent, which ends its workers, and take what solvers print to a file."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-class TimeLeft:
-    """Guesses the time left from the cost done since the start."""
-
-    def __init__(self) -> None:
-        """Start the clock at the first call."""
-        self._first: tuple[float, float] | None = None
-
-    def __call__(self, done: float, total: float) -> float | None:
-        """Seconds left, None while there is nothing to guess from."""
-        now = time.monotonic()
-        if self._first is None:
-            self._first = (now, done)
-        began, before = self._first
-        if done <= before:
-            return None
-        return (now - began) / (done - before) * (total - done)
+    with log.open("ab") as file:
+        for descriptor in (1, 2):
+            os.dup2(file.fileno(), descriptor)

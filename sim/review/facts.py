@@ -9,6 +9,7 @@ from sim.logs.text import printable
 from sim.scenario import Scenario, from_toml
 
 MOST_EVENTS = 500
+MOST_POINTS = 20_000  # of the ground
 LONGEST_TEXT = 20_000  # characters of the scenario that are shown
 
 
@@ -120,16 +121,25 @@ def limits(run: Run) -> dict[str, list[dict[str, Any]]]:
 
 
 def geometry(run: Run) -> dict[str, Any]:
-    """Lengths of the links in [m] and the slope of the ground in [rad], for the figure."""
+    """Lengths of the links in [m] and the line of the ground, for the figure."""
     lengths = parsed(run.about.get("link_lengths", "{}"))
     lengths = lengths if isinstance(lengths, dict) else {}
-    slope = parsed(run.about.get("slope", "0"))
+    limbs = ("left_femur", "left_tibia", "right_femur", "right_tibia")
     return {
         "torso": _length(lengths.get("torso"), 0.63),
-        "femur": _length(lengths.get("left_femur"), 0.4),
-        "tibia": _length(lengths.get("left_tibia"), 0.4),
-        "slope": float(slope) if isinstance(slope, int | float) and abs(slope) < math.pi / 2 else 0.0,
+        **{limb: _length(lengths.get(limb), 0.4) for limb in limbs},
+        "ground": _ground(parsed(run.about.get("ground", "[]"))),
     }
+
+
+def _ground(points: Any) -> list[tuple[float, float]]:
+    """Line of the ground as (x, z) in [m], level where the log has none."""
+    found = []
+    for point in points[:MOST_POINTS] if isinstance(points, list) else ():
+        pair: tuple[Any, Any] = tuple(point) if isinstance(point, list) and len(point) == 2 else ("", "")
+        if all(isinstance(v, int | float) and abs(v) < 1e6 for v in pair):
+            found.append((float(pair[0]), float(pair[1])))
+    return sorted(found, key=lambda p: p[0]) if len(found) > 1 else [(-10.0, 0.0), (1000.0, 0.0)]
 
 
 def controller_of(run: Run) -> str:

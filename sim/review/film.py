@@ -18,12 +18,14 @@ from sim.models import scenario_of, unpacked
 from sim.review.signals import Signals, signals_of
 
 KINDS = (".mp4", ".gif", ".png")
+EXTENT = 2.0  # [m] of what is looked at
+MOST_ARROWS = 20
 MOST_PIXELS = 4096  # on a side
 GL_HELP = (
     "MuJoCo cannot draw here: it needs EGL or OSMesa. On Debian or Ubuntu: apt install libegl1 libgl1-mesa-dri "
     "(EGL) or libosmesa6 (then set MUJOCO_GL=osmesa)"
 )
-_SIDES = (("left", 0.05), ("right", -0.05))  # [m] y at which the legs are drawn
+_FRONT = -0.1  # [m] y of the arrows, before both legs as the camera sees them
 _ARROW_WIDTH = 0.012  # [m]
 _COLOURS = {"contact": (0.13, 0.6, 0.3, 1.0), "push": (0.8, 0.1, 0.2, 1.0)}
 
@@ -115,17 +117,17 @@ def _camera(log: Log, size: tuple[int, int]) -> Iterator[Any]:
     try:
         import mujoco
 
-        from sim.plant import build_spec
+        from sim.compose import build_plant
     except (ImportError, AttributeError, RuntimeError) as error:
         raise UserError(f"{GL_HELP} ({type(error).__name__}: {error})") from error
     scenario = scenario_of(log)
     with unpacked(scenario, log.attachments) as files:
-        spec = build_spec(scenario.plant, files.mjcf)
-        spec.visual.global_.offwidth, spec.visual.global_.offheight = size
-        spec.visual.quality.shadowsize = 1024  # a software renderer spends its time on shadows
-        model = spec.compile()
+        model = build_plant(scenario, files).model
+    model.vis.global_.offwidth, model.vis.global_.offheight = size
+    model.stat.extent = EXTENT  # ground a kilometre long would push the near clipping plane behind the walker
+    model.vis.quality.shadowsize = 1024  # a software renderer spends its time on shadows
     try:
-        renderer = mujoco.Renderer(model, height=size[1], width=size[0], max_geom=200)
+        renderer = mujoco.Renderer(model, height=size[1], width=size[0], max_geom=model.ngeom + MOST_ARROWS)
     except Exception as error:  # every GL back end fails in its own way
         raise UserError(f"{GL_HELP} ({type(error).__name__}: {error})") from error
     renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -167,14 +169,13 @@ class _Arrows:
         if row < 0 or t - self._times[row] > 0.03:
             return
         for entity in self._frames[row][1].entities:
-            kind, _, which = entity.id.partition(".")
+            kind = entity.id.partition(".")[0]
             if kind not in _COLOURS or not entity.arrows:
                 continue
             arrow = entity.arrows[0]
             turn = arrow.pose.orientation
             length = min(arrow.shaft_length + arrow.head_length, 1.5)
-            y = dict(_SIDES).get(which, 0.0)
-            tail = [arrow.pose.position.x, y, arrow.pose.position.z]
+            tail = [arrow.pose.position.x, _FRONT, arrow.pose.position.z]
             along = (1.0 - 2.0 * turn.y**2, 0.0, -2.0 * turn.w * turn.y)
             yield kind, tail, [p + length * d for p, d in zip(tail, along, strict=True)]
 

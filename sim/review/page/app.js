@@ -135,7 +135,8 @@ function start() {
     if (plot.seen) { if (!plot.drawn) plot.draw(); plot.point(); }
   }), { rootMargin: "200px" });
   app.plots.forEach((plot) => watch.observe(plot.card));
-  new ResizeObserver(() => app.redraw()).observe(by("plots"));
+  const resized = new ResizeObserver(() => app.redraw());
+  resized.observe(by("plots")); resized.observe(by("figure"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (event) => app.theme(event.matches ? "dark" : "light"));
   addEventListener("beforeprint", () => app.plots.forEach((plot) => { plot.seen = true; plot.draw(); plot.point(); }));
   app.seek(+(asked.get("t") || 0));

@@ -20,22 +20,22 @@ class Figure {
   }
 
   joints(run, f) {
-    const { torso, femur, tibia } = run.geometry, hip = [f[Q.x], f[Q.z]];
+    const lengths = run.geometry, hip = [f[Q.x], f[Q.z]];
     const on = ([x, z], length, phi) => [x - length * Math.sin(phi), z + length * Math.cos(phi)];
     const leg = (side) => {
-      const upper = f[Q.torso] + f[Q[side + "_hip"]], knee = on(hip, femur, upper);
-      return { knee, foot: on(knee, tibia, upper + f[Q[side + "_knee"]]) };
+      const upper = f[Q.torso] + f[Q[side + "_hip"]], knee = on(hip, lengths[side + "_femur"], upper);
+      return { knee, foot: on(knee, lengths[side + "_tibia"], upper + f[Q[side + "_knee"]]) };
     };
-    return { hip, head: on(hip, torso, f[Q.torso]), left: leg("left"), right: leg("right") };
+    return { hip, head: on(hip, lengths.torso, f[Q.torso]), left: leg("left"), right: leg("right") };
   }
 
   draw() {
     const [g, w, h] = sharp(this.canvas), app = this.app, first = app.runs[0];
-    const f = this.frame(first, app.t), slope = Math.tan(first.geometry.slope);
+    const f = this.frame(first, app.t);
     if (!f.every(Number.isFinite)) return;
-    const scale = h / 1.85, x0 = f[Q.x], foot = x0 * slope;
-    const X = (x) => w * 0.5 + (x - x0) * scale, Z = (z) => h * 0.86 - (z - foot) * scale;
-    this.ground(g, w, h, X, Z, x0, scale, slope);
+    const scale = h / 1.85, x0 = f[Q.x], level = this.under(first, x0).z;
+    const X = (x) => w * 0.5 + (x - x0) * scale, Z = (z) => h * 0.86 - (z - level) * scale;
+    this.ground(g, w, X, Z, x0, scale, first);
     app.runs.slice(1).forEach((run) => {
       if (app.t <= run.end + 1e-3) { g.globalAlpha = 0.4; this.walker(g, X, Z, run, this.frame(run, app.t), scale); g.globalAlpha = 1; }
     });
@@ -45,14 +45,25 @@ class Figure {
     this.caption(g, w, first);
   }
 
-  ground(g, w, h, X, Z, x0, scale, slope) {
-    const reach = w / scale, a = x0 - reach, b = x0 + reach;
-    g.strokeStyle = css("ground"); g.lineWidth = 2; g.beginPath(); g.moveTo(X(a), Z(a * slope)); g.lineTo(X(b), Z(b * slope)); g.stroke();
+  /* Height and inclination of the ground at x. */
+  under(run, x) {
+    const points = run.geometry.ground;
+    let low = 0, high = points.length - 1;
+    while (high - low > 1) { const mid = (low + high) >> 1; if (points[mid][0] <= x) low = mid; else high = mid; }
+    const [[x0, z0], [x1, z1]] = [points[low], points[high]], rise = x1 > x0 ? (z1 - z0) / (x1 - x0) : 0;
+    return { z: z0 + rise * (x - x0), angle: Math.atan(rise) };
+  }
+
+  ground(g, w, X, Z, x0, scale, run) {
+    const reach = w / scale, a = x0 - reach, b = x0 + reach, inside = run.geometry.ground.filter(([x]) => x > a && x < b);
+    g.strokeStyle = css("ground"); g.lineWidth = 2; g.beginPath(); g.moveTo(X(a), Z(this.under(run, a).z));
+    inside.forEach(([x, z]) => g.lineTo(X(x), Z(z)));
+    g.lineTo(X(b), Z(this.under(run, b).z)); g.stroke();
     g.fillStyle = css("muted"); g.font = "11px system-ui, sans-serif"; g.textAlign = "center"; g.textBaseline = "top"; g.lineWidth = 1;
-    for (let x = Math.ceil(a * 5) / 5; x <= b; x += 0.2) {
-      const whole = Math.abs(x - Math.round(x)) < 1e-6;
-      g.beginPath(); g.moveTo(X(x), Z(x * slope)); g.lineTo(X(x) - (whole ? 0 : 4), Z(x * slope) + (whole ? 8 : 5)); g.stroke();
-      if (whole) g.fillText(`${Math.round(x)} m`.replace("-", "−"), X(x), Z(x * slope) + 9);
+    for (let n = Math.ceil(a * 5); n <= b * 5; n++) {
+      const x = n / 5, y = Z(this.under(run, x).z), whole = n % 5 === 0;
+      g.beginPath(); g.moveTo(X(x), y); g.lineTo(X(x) - (whole ? 0 : 4), y + (whole ? 8 : 5)); g.stroke();
+      if (whole) g.fillText(`${x} m`.replace("-", "−"), X(x), y + 9);
     }
   }
 
@@ -96,9 +107,10 @@ class Figure {
   }
 
   forces(g, X, Z, run, f) {
-    const j = this.joints(run, f), [s, c] = [Math.sin(run.geometry.slope), Math.cos(run.geometry.slope)];
+    const j = this.joints(run, f);
     ["left", "right"].forEach((side, i) => {
       const t = f[Q.force + 2 * i], n = f[Q.force + 2 * i + 1], [x, z] = j[side].foot;
+      const angle = this.under(run, x).angle, [s, c] = [Math.sin(angle), Math.cos(angle)];
       const fx = t * c - n * s, fz = t * s + n * c, k = CONTACT_SCALE * Math.min(1, 1500 / Math.hypot(fx, fz, 1e-9));
       this.arrow(g, [X(x), Z(z)], [X(x + fx * k), Z(z + fz * k)], "contact");
     });

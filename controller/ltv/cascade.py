@@ -1,0 +1,205 @@
+"""`c-mpc-ltv`: the cascade on the closed loop's own linearisation, with the clock's rate in the cost."""
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.cascade import Friction
+from controller.gait import Gait
+from controller.kernels import Gains
+from controller.ltv import plan
+from controller.ltv.cost import Cost
+from controller.ltv.horizon import Ground
+from controller.ltv.orbit import find_orbit
+from controller.ltv.sweep import residuals
+from controller.model import WalkerModel
+from controller.records import ControlStep, Observation, StanceState, Vector
+from controller.stance import StanceEstimator
+
+BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
+BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LtvWeights:
+    """Cost of a stage, and how much the last one counts.
+
+    Attributes:
+        output: On y^2 in [1/rad^2].
+        output_rate: On dy^2 in [s^2/rad^2].
+        clock_rate: On (dtheta - dtheta*(theta))^2 in [s^2/rad^2].
+        torque: On u_mpc^2 in [1/(N.m)^2].
+        last: Factor on the errors of the last stage.
+        torque_penalty: On (torque beyond its limit)^2 in [1/(N.m)^2]; the torque applied now is within it always.
+    """
+
+    output: float
+    output_rate: float
+    clock_rate: float
+    torque: float
+    last: float
+    torque_penalty: float
+
+    def over(self, N: int, limit: Vector, friction: Friction | None) -> Cost:
+        """The cost over N stages."""
+        error = np.tile([self.output] * 4 + [self.output_rate] * 4 + [self.clock_rate], (N, 1))
+        error[-1] *= self.last
+        return Cost(
+            error=error,
+            torque=self.torque,
+            torque_penalty=self.torque_penalty,
+            force_penalty=friction.penalty if friction else 0.0,
+            limit=np.array(limit, dtype=float),
+            mu=float(friction.mu) if friction else 0.0,
+            normal_min=float(friction.normal_min) if friction else 0.0,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LtvPlan:
+    """What the controller expects, stage by stage, told tick by tick when somebody looks.
+
+    Attributes:
+        z: Output states at the beginning of each stage and at the end, (N + 1, 10).
+        force: Stance forces at the beginning of each stage in [N], (N, 2).
+        ticks_per_stage: Length of a stage in ticks.
+    """
+
+    z: Vector
+    force: Vector
+    ticks_per_stage: float
+
+    def outputs(self) -> Vector:
+        """Predicted outputs in [rad] at each tick, (ticks + 1, 4), stance order of its stage."""
+        stage = np.arange(self._ticks + 1) / self.ticks_per_stage
+        known = np.arange(len(self.z))
+        return np.column_stack([np.interp(stage, known, self.z[:, i]) for i in range(4)])
+
+    def contact_forces(self) -> Vector:
+        """Predicted stance contact forces over each tick, (tangential, normal) in [N], (ticks, 2)."""
+        return self.force[(np.arange(self._ticks) / self.ticks_per_stage).astype(int)]
+
+    @property
+    def _ticks(self) -> int:
+        return int(len(self.force) * self.ticks_per_stage + 1e-9)
+
+
+class LtvCascade:
+    """The second cascade; ZD+PD inside as in the first, and the same records out."""
+
+    def __init__(
+        self,
+        model: WalkerModel,
+        gait: Gait,
+        gains: Gains,
+        *,
+        period: float,
+        stages: int,
+        stage_time: float,
+        substeps: int,
+        weights: LtvWeights,
+        friction: Friction | None,
+        slope_memory: float,
+    ) -> None:
+        """Put the parts together.
+
+        Args:
+            model: The walker believed in.
+            gait: The outputs.
+            gains: ZD+PD gains.
+            period: Of the ticks in [s].
+            stages: N.
+            stage_time: Length of a stage in [s].
+            substeps: Integration steps of a stage.
+            weights: Cost.
+            friction: Contact-force limits, None to leave their rows out.
+            slope_memory: Share of the old belief about the ground's slope kept at a touch-down, 0 to 1; at 1 the
+                ground stays level.
+        """
+        self.model, self.gait, self.gains = model, gait, gains
+        self._table = gait.table._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
+        self.cost = weights.over(stages, model.torque_limits, friction)
+        self.orbit = find_orbit(model, gait)
+        self.stance = StanceEstimator(model)
+        self._N, self._period, self._stage_time, self._substeps = stages, period, stage_time, substeps
+        self._slope_memory = slope_memory
+        self.reset("left")
+
+    def reset(self, stance: str) -> None:
+        """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
+        self.stance.reset(stance)
+        self.ground = Ground(0.0, 0.0)
+        self.workspace = plan.new_workspace(self._N)
+
+    def step(self, observation: Observation) -> ControlStep:
+        """One tick."""
+        old_leg = self.stance.leg
+        state = self.stance.update(observation)
+        w = self.workspace
+        exchanged = state.leg is not old_leg
+        if exchanged:
+            self._touched_down(state)
+        started = time.perf_counter()
+        found = plan.improve(
+            self.model.lumped, self._table, self.gains, self.cost, self.orbit, self._ground_under(state),
+            self._stage_time / self._substeps, self._substeps, state.q, state.dq,
+            exchanged, self._period / self._stage_time, w,
+        )  # fmt: skip
+        solve_s = time.perf_counter() - started
+        u, z = w.other.u[0].copy(), w.other.z[0]
+        limit = self.model.torque_limits
+        u_mpc = w.plan[0].copy() if found else np.clip(u, -limit, limit) - u
+        if not found:
+            w.plan[:] = 0.0
+        u_total = u + u_mpc
+        force = w.other.force[0].copy()
+        return ControlStep(
+            stance=state.leg.value,
+            u_zd=state.leg.from_body(u),
+            u_mpc=state.leg.from_body(u_mpc),
+            u_total=state.leg.from_body(u_total),
+            y=z[:4].copy(),
+            dy=z[4:8].copy(),
+            theta=float(z[8]),
+            dtheta=float(z[9]),
+            s=self.gait.normalised(float(z[8])),
+            contact_force=force,
+            impact_in=self._impact_in(),
+            status=self._status() if found else "prediction-diverged",
+            fallback=not found,
+            iterations=int(abs(w.figures[3])),
+            residuals=residuals(w.problem, w.state) if found else np.full(3, math.nan),
+            slack=float(w.figures[4]) if found else 0.0,
+            active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
+            solve_s=solve_s,
+            plan=self._plan() if found else None,
+        )
+
+    def _status(self) -> str:
+        """Whether the quadratic model was solved and its whole step taken."""
+        _, _, share, sweeps, _ = self.workspace.figures
+        return "optimal" if share == 1.0 and sweeps > 0 else "suboptimal"
+
+    def _plan(self) -> LtvPlan:
+        ahead = self.workspace.other
+        return LtvPlan(z=ahead.z.copy(), force=ahead.force.copy(), ticks_per_stage=self._stage_time / self._period)
+
+    def _touched_down(self, state: StanceState) -> None:
+        """The old stance foot is now behind: the line between the feet is the ground."""
+        behind, height, _ = self.model.swing_foot(state.q, state.dq)
+        seen = height / behind if behind < -0.05 else 0.0
+        kept = self._slope_memory
+        self.ground = Ground(kept * self.ground.tangent + (1.0 - kept) * seen, 0.0)
+
+    def _ground_under(self, state: StanceState) -> Ground:
+        """The ground believed in, lowered where the swing foot is below it and feels nothing."""
+        ahead, height, _ = self.model.swing_foot(state.q, state.dq)
+        below = height - self.ground.tangent * ahead - BELOW
+        return Ground(self.ground.tangent, below if ahead > 0.0 and below < 0.0 else 0.0)
+
+    def _impact_in(self) -> int:
+        exchange = self.workspace.other.exchange
+        first = int(exchange.argmax())
+        return round((first + 1) * self._stage_time / self._period) if exchange[first] else -1

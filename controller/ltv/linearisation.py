@@ -1,0 +1,373 @@
+"""The ZD+PD closed loop and its exact derivatives, in output coordinates z = (y, dy, theta, dtheta).
+
+In these coordinates the closed loop is linear but for the clock: ddy = -K_D dy - K_P y, and ddtheta follows from the
+one equation of motion that no torque enters. With J = H [I; -c_a/c_5] the link angles are
+
+    phi = J (y + h(theta)) + theta/c_5,    j = dphi/dtheta = J h' + 1/c_5,
+
+so every derivative below is a product of the derivatives of the link torques tau(phi, dphi, ddphi) = D ddphi + C dphi
++ G, which are closed, with those of phi, dphi, ddphi in z. Predicted impacts enter by their saltation matrix: the
+Jacobian of the impact map with the shift of the impact's time (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004,
+ch. 7).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from controller import kernels
+from controller.kernels import Array, Gains, GaitTable, Walker, cholesky5_solve, compiled
+
+N_Z = 10
+Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z
+
+
+class Derivatives(NamedTuple):
+    """Of the closed loop at one state.
+
+    Attributes:
+        clock: d ddtheta/dz, (10,).
+        clock_u: d ddtheta/du, (4,).
+        output_u: d ddy/du, L_g L_f h, (4, 4).
+        output_z: d ddy/d(y, theta) at a held MPC torque, beyond -K_P and -K_D, (4, 5).
+        torque: du/dz of the ZD+PD torque in [N.m per unit of z], (4, 10).
+        force: dF/dz of the stance force under that torque, (2, 10).
+        force_u: dF/du in [1/m], (2, 4).
+        P, R, D: Derivatives of the five link torques and the two force components by phi, dphi, ddphi, (7, 5); scratch.
+        by_z: Derivatives of the same seven by z, (7, 10); scratch.
+    """
+
+    clock: Array
+    clock_u: Array
+    output_u: Array
+    output_z: Array
+    torque: Array
+    force: Array
+    force_u: Array
+    P: Array
+    R: Array
+    D: Array
+    by_z: Array
+
+
+@compiled
+def new_derivatives() -> Derivatives:
+    """Allocate."""
+    e = np.empty
+    return Derivatives(
+        e(10), e(4), e((4, 4)), e((4, 5)), e((4, 10)), e((2, 10)), e((2, 4)), e((7, 5)), e((7, 5)), e((7, 5)),
+        e((7, 10)),
+    )  # fmt: skip
+
+
+@compiled
+def third_derivative(gait: GaitTable, theta: float, h3: Array) -> None:
+    """d3h_d/dtheta3, (4,)."""
+    s = (theta - gait.theta_start) / gait.theta_span
+    inside = gait.s_first <= s <= gait.s_last
+    degree = gait.poly.shape[1] - 1 if inside else 0
+    for i in range(4):
+        v = 0.0
+        for k in range(degree, 2, -1):
+            v = v * s + k * (k - 1) * (k - 2) * gait.poly[i, k]
+        h3[i] = v / gait.theta_span**3
+
+
+@compiled
+def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Array) -> None:
+    """Output coordinates of a state (q, dq)."""
+    theta, dtheta = kernels.outputs(gait, q, dq, stage)
+    for i in range(4):
+        z[Y + i] = stage.y[i]
+        z[DY + i] = stage.dy[i]
+    z[THETA] = theta
+    z[DTHETA] = dtheta
+
+
+@compiled
+def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
+    """State (q, dq) of output coordinates."""
+    theta, dtheta = z[THETA], z[DTHETA]
+    wished = (theta - gait.theta_start) / gait.theta_span
+    s = min(max(wished, gait.s_first), gait.s_last)
+    degree = gait.poly.shape[1] - 1
+    q[4] = theta
+    dq[4] = dtheta
+    for i in range(4):
+        h = gait.poly[i, degree]
+        h1 = 0.0
+        for k in range(degree - 1, -1, -1):
+            h1 = h1 * s + h
+            h = h * s + gait.poly[i, k]
+        q[i] = z[Y + i] + h + h1 * (wished - s)
+        dq[i] = z[DY + i] + h1 / gait.theta_span * dtheta
+        q[4] -= gait.clock[i] * q[i]
+        dq[4] -= gait.clock[i] * dq[i]
+    q[4] /= gait.clock[4]
+    dq[4] /= gait.clock[4]
+
+
+@compiled
+def link_jacobian(gait: GaitTable, stage: kernels.Stage, J: Array, j: Array) -> None:
+    """J = dphi/dy (5, 4), and j = dphi/dtheta (5,), after `outputs`."""
+    inverse = 1.0 / gait.clock[4]
+    for i in range(5):
+        j[i] = inverse
+        for k in range(4):
+            J[i, k] = -gait.clock[k] * inverse
+    J[0, 0] += 1.0
+    J[2, 0] += 1.0
+    J[1, 1] += 1.0
+    J[3, 1] += 1.0
+    J[2, 2] += 1.0
+    J[3, 3] += 1.0
+    for i in range(5):
+        for k in range(4):
+            j[i] += J[i, k] * stage.h1[k]
+
+
+@compiled
+def times_J(gait: GaitTable, row: Array, out: Array) -> None:
+    """Row (5,) times J = dphi/dy, (4,): what the joints turn, and the torso that makes up for it in the clock."""
+    torso = -(row[0] + row[1] + row[2] + row[3] + row[4]) / gait.clock[4]
+    out[0] = row[0] + row[2] + torso * gait.clock[0]
+    out[1] = row[1] + row[3] + torso * gait.clock[1]
+    out[2] = row[2] + torso * gait.clock[2]
+    out[3] = row[3] + torso * gait.clock[3]
+
+
+@compiled
+def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array) -> None:
+    """Derivatives of link torques tau_i = sum_j A_ij (cos_ij ddphi_j + sin_ij dphi_j^2) - g b_i sin phi_i and force."""
+    for i in range(5):
+        own = -walker.gravity * walker.b[i] * stage.cos[i]
+        for k in range(5):
+            a = walker.A[i, k]
+            cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
+            sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            D[i, k] = cosine
+            R[i, k] = 2.0 * sine * stage.dphi[k]
+            P[i, k] = 0.0
+            if k != i:
+                P[i, k] = sine * stage.ddphi[k] - cosine * stage.dphi[k] * stage.dphi[k]
+                own -= P[i, k]
+        P[i, i] = own
+    for i in range(5):
+        b, sine, cosine = walker.b[i], stage.sin[i], stage.cos[i]
+        square = stage.dphi[i] * stage.dphi[i]
+        P[5, i] = b * (cosine * square + sine * stage.ddphi[i])
+        P[6, i] = b * (sine * square - cosine * stage.ddphi[i])
+        R[5, i] = 2.0 * b * sine * stage.dphi[i]
+        R[6, i] = -2.0 * b * cosine * stage.dphi[i]
+        D[5, i] = -b * cosine
+        D[6, i] = -b * sine
+
+
+@compiled
+def derive(
+    walker: Walker, gait: GaitTable, gains: Gains, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage,
+    out: Derivatives,
+) -> None:  # fmt: skip
+    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `kernels.closed_loop`."""
+    P, R, D, by_z = out.P, out.R, out.D, out.by_z
+    h3, Jh1, Jh2, Jacc = np.empty(4), np.empty(5), np.empty(5), np.empty(5)
+    PJ, RJ, DJ, Dj = np.empty(4), np.empty(4), np.empty(4), np.empty(7)
+    third_derivative(gait, theta, h3)
+    ddtheta = 0.0
+    for i in range(5):
+        ddtheta += gait.clock[i] * stage.ddq[i]
+    inverse = 1.0 / gait.clock[4]
+    torso1, torso2, torso3 = inverse, 0.0, 0.0
+    rate, acceleration = np.empty(4), np.empty(4)
+    for k in range(4):
+        rate[k] = stage.h2[k] * dtheta
+        acceleration[k] = h3[k] * dtheta * dtheta + stage.h2[k] * ddtheta
+        torso1 -= gait.clock[k] * inverse * stage.h1[k]
+        torso2 -= gait.clock[k] * inverse * rate[k]
+        torso3 -= gait.clock[k] * inverse * acceleration[k]
+    spread(stage.h1, torso1, Jh1)  # j = dphi/dtheta
+    spread(rate, torso2, Jh2)  # dj/dt
+    spread(acceleration, torso3, Jacc)  # dddphi/dtheta at a given ddtheta
+    by_links(walker, stage, P, R, D)
+    for i in range(7):
+        times_J(gait, P[i], PJ)
+        times_J(gait, R[i], RJ)
+        times_J(gait, D[i], DJ)
+        for k in range(4):
+            by_z[i, Y + k] = PJ[k] - DJ[k] * gains.kp[k]
+            by_z[i, DY + k] = RJ[k] - DJ[k] * gains.kd[k]
+        by_theta, by_dtheta, total = 0.0, 0.0, 0.0
+        for k in range(5):
+            by_theta += P[i, k] * Jh1[k] + R[i, k] * Jh2[k] + D[i, k] * Jacc[k]
+            by_dtheta += R[i, k] * Jh1[k] + 2.0 * D[i, k] * Jh2[k]
+            total += D[i, k] * Jh1[k]
+        by_z[i, THETA] = by_theta
+        by_z[i, DTHETA] = by_dtheta
+        Dj[i] = total
+    # No torque enters the sum of the link equations: it gives ddtheta.
+    denominator = Dj[0] + Dj[1] + Dj[2] + Dj[3] + Dj[4]
+    for m in range(N_Z):
+        clock = -(by_z[0, m] + by_z[1, m] + by_z[2, m] + by_z[3, m] + by_z[4, m]) / denominator
+        out.clock[m] = clock
+        for i in range(7):
+            by_z[i, m] += Dj[i] * clock
+        out.torque[0, m] = by_z[0, m] + by_z[2, m]
+        out.torque[1, m] = by_z[1, m] + by_z[3, m]
+        out.torque[2, m] = by_z[2, m]
+        out.torque[3, m] = by_z[3, m]
+        out.force[0, m] = by_z[5, m]
+        out.force[1, m] = by_z[6, m]
+    for i in range(4):
+        out.torque[i, DY + i] += walker.damping[i]
+        out.torque[i, THETA] += walker.damping[i] * rate[i]
+        out.torque[i, DTHETA] += walker.damping[i] * stage.h1[i]
+    kernels.factor_inertia(stage)
+    kernels.responses(stage)
+    kernels.stance_force_per_torque(walker, stage, out.force_u)
+    for k in range(4):
+        clock = 0.0
+        for i in range(5):
+            clock += gait.clock[i] * stage.BtDinv[k, i]
+        out.clock_u[k] = clock
+        for i in range(4):
+            out.output_u[i, k] = stage.BtDinv[k, i] - stage.h1[i] * clock
+    add_held_torque(walker, gait, u_mpc, Jh1, stage, out)
+
+
+@compiled
+def spread(joints: Array, torso: float, links: Array) -> None:
+    """Link angles (or rates) of joint angles (4,) and a torso angle."""
+    links[0] = joints[0] + torso
+    links[1] = joints[1] + torso
+    links[2] = joints[0] + joints[2] + torso
+    links[3] = joints[1] + joints[3] + torso
+    links[4] = torso
+
+
+@compiled
+def add_held_torque(
+    walker: Walker, gait: GaitTable, u_mpc: Array, j: Array, stage: kernels.Stage, out: Derivatives
+) -> None:
+    """What the inertia's dependence on posture adds: D a = B u_mpc gives D a_z = -(D_phi phi_z) a."""
+    a = np.empty(5)  # link acceleration by u_mpc
+    clock_a = 0.0
+    for i in range(5):
+        a[i] = 0.0
+        for k in range(4):
+            a[i] += stage.link_BtDinv[k, i] * u_mpc[k]
+    for k in range(4):
+        clock_a += out.clock_u[k] * u_mpc[k]
+    change = np.empty((7, 5))  # of -D a and of the force, per link angle
+    for i in range(5):
+        own = 0.0
+        for k in range(5):
+            sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            change[i, k] = -sine * a[k]
+            own -= change[i, k]
+        change[i, i] += own
+        change[5, i] = walker.b[i] * stage.sin[i] * a[i]
+        change[6, i] = -walker.b[i] * stage.cos[i] * a[i]
+    by_z = out.by_z  # columns y, theta
+    ddq = np.empty(5)
+    x = np.empty((5, 5))  # a row a column of z
+    for i in range(7):
+        times_J(gait, change[i], by_z[i])
+        by_z[i, 4] = 0.0
+        for k in range(5):
+            by_z[i, 4] += change[i, k] * j[k]
+    for column in range(5):
+        m = Y + column if column < 4 else THETA
+        for i in range(5):
+            x[column, i] = by_z[i, column]
+        cholesky5_solve(stage.L, x[column])
+        tangential, normal = by_z[5, column], by_z[6, column]
+        for i in range(5):
+            tangential -= walker.b[i] * stage.cos[i] * x[column, i]
+            normal -= walker.b[i] * stage.sin[i] * x[column, i]
+        out.force[0, m] += tangential
+        out.force[1, m] += normal
+        kernels.from_links(x[column], ddq)
+        clock = 0.0
+        for i in range(5):
+            clock += gait.clock[i] * ddq[i]
+        out.clock[m] += clock
+        for i in range(4):
+            out.output_z[i, column] = ddq[i] - stage.h1[i] * clock
+    for i in range(4):
+        out.output_z[i, 4] -= stage.h2[i] * clock_a
+
+
+@compiled
+def impact_jacobian(
+    walker: Walker, gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, jacobian: Array
+) -> None:
+    """Impact in place, after `place` and `outputs`, and dz+/dz- of the impact map into jacobian (10, 10)."""
+    J = np.empty((5, 4))
+    j = np.empty(5)
+    link_jacobian(gait, stage, J, j)
+    dtheta = 0.0
+    for i in range(5):
+        dtheta += gait.clock[i] * dq[i]
+    phi_z = np.zeros((5, N_Z))
+    dphi_z = np.zeros((5, N_Z))
+    for i in range(5):
+        rate = 0.0
+        for k in range(4):
+            phi_z[i, Y + k] = J[i, k]
+            dphi_z[i, DY + k] = J[i, k]
+            rate += J[i, k] * stage.h2[k] * dtheta
+        phi_z[i, THETA] = j[i]
+        dphi_z[i, THETA] = rate
+        dphi_z[i, DTHETA] = j[i]
+    # Momentum about the new foot, m_i = sum_j A_impact_ij cos_ij dphi_j, in the new names.
+    momentum_z = np.zeros((5, N_Z))
+    new_phi_z = np.zeros((5, N_Z))
+    for i in range(5):
+        row = kernels.MIRROR[i]
+        own = 0.0
+        for k in range(5):
+            a = walker.A_impact[i, k]
+            cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
+            sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            by_phi = sine * stage.dphi[k] if k != i else 0.0
+            own -= by_phi
+            for m in range(N_Z):
+                momentum_z[row, m] += by_phi * phi_z[k, m] + cosine * dphi_z[k, m]
+        for m in range(N_Z):
+            momentum_z[row, m] += own * phi_z[i, m]
+            new_phi_z[row, m] = phi_z[i, m]
+    kernels.impact(walker, q, dq, stage)
+    # D(phi+) dphi+ = m: differentiate, with the inertia at the new state.
+    new_dphi_z = np.empty((N_Z, 5))
+    for m in range(N_Z):
+        x = new_dphi_z[m]
+        for i in range(5):
+            v = momentum_z[i, m]
+            for k in range(5):
+                if k != i:
+                    sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+                    v -= sine * stage.dphi[k] * (new_phi_z[k, m] - new_phi_z[i, m])
+            x[i] = v
+        cholesky5_solve(stage.L, x)
+    kernels.outputs(gait, q, dq, stage)
+    dtheta = 0.0
+    for i in range(5):
+        dtheta += gait.clock[i] * dq[i]
+    dq_m = np.empty(5)
+    ddq_m = np.empty(5)
+    phi_m = np.empty(5)
+    for m in range(N_Z):
+        for i in range(5):
+            phi_m[i] = new_phi_z[i, m]
+        kernels.from_links(phi_m, dq_m)
+        kernels.from_links(new_dphi_z[m], ddq_m)
+        theta_m = 0.0
+        dtheta_m = 0.0
+        for i in range(5):
+            theta_m += gait.clock[i] * dq_m[i]
+            dtheta_m += gait.clock[i] * ddq_m[i]
+        for i in range(4):
+            jacobian[Y + i, m] = dq_m[i] - stage.h1[i] * theta_m
+            jacobian[DY + i, m] = ddq_m[i] - stage.h1[i] * dtheta_m - stage.h2[i] * dtheta * theta_m
+        jacobian[THETA, m] = theta_m
+        jacobian[DTHETA, m] = dtheta_m

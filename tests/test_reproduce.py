@@ -1,0 +1,352 @@
+"""Reproduction: verdicts are computed, broken controllers fail them, results are kept and reproducible."""
+
+import builtins
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controller.cascade import CascadedMpc
+from sim import cli
+from sim.errors import UserError
+from sim.reproduce import EXPERIMENTS, draw, fig3, fig4, fig5, fig6, fig7, fig8, measure, report, table2, tasks
+from sim.reproduce.panels import LinePanel, Series, thinned
+from sim.reproduce.study import PLANTS, Effort, Evaluation, Finding, Task, Verdict
+
+
+def run(module, effort: Effort) -> Evaluation:
+    """An experiment on the rigid plant; its results stand in for the other plant's, to save time."""
+    measure._rig.cache_clear()
+    rigid = {name: tasks.work(task) for name, task in module.tasks(effort).items() if name.startswith("rigid")}
+    measure._rig.cache_clear()
+    return module.evaluate(rigid | {name.replace("rigid", "mujoco", 1): r for name, r in rigid.items()}, effort)
+
+
+def holds(found: Evaluation, plant: str) -> list[bool | None]:
+    return [getattr(verdict, plant).holds for verdict in found.verdicts]
+
+
+# The claims, and controllers that must fail them
+
+
+def test_the_paper_holds_on_its_own_plant() -> None:
+    assert all(holds(run(fig3, Effort()), "rigid"))
+    assert all(holds(run(fig6, Effort()), "rigid"))
+
+
+def test_without_gains_the_claims_fail() -> None:
+    broken = Effort(changes={"controller.kp": (0.0, 0.0, 0.0, 0.0), "controller.kd": (0.0, 0.0, 0.0, 0.0)})
+    assert not any(holds(run(fig3, broken), "rigid"))
+
+
+def test_with_the_mpc_negated_the_claims_fail(monkeypatch) -> None:
+    step = CascadedMpc.step
+
+    def negated(self, observation):
+        import dataclasses
+
+        good = step(self, observation)
+        return dataclasses.replace(good, u_mpc=-good.u_mpc, u_total=good.u_zd - good.u_mpc)
+
+    monkeypatch.setattr(CascadedMpc, "step", negated)
+    found = run(fig5, Effort())
+    assert holds(found, "rigid").count(False) >= 3
+
+
+# Evaluation alone, of results made up here
+
+
+def made_up_walk(**changes) -> dict:
+    n = 1200
+    run = {
+        "t": np.arange(n) * 1e-3,
+        "landed": np.array([300, 600, 900]),
+        "force": np.column_stack((np.full(n, 50.0), np.full(n, 100.0))),
+        "u": np.full((n, 4), 40.0),
+        "torque": np.full((n, 4), 40.0),
+        "outcome": np.array(0),
+        "steps": np.array(10),
+    }
+    return run | changes
+
+
+def margins(zd: float, mpc: float) -> dict:
+    return {
+        f"{plant}/{controller}/margin/{step}": {
+            "value": np.array(value),
+            "tried": np.array([value]),
+            "survived": np.array([True]),
+        }
+        for plant in PLANTS
+        for controller, value in (("zd-pd", zd), ("c-mpc", mpc))
+        for step in (1, 2)
+    }
+
+
+def fig4_results(**cmpc) -> dict:
+    unsaturated = made_up_walk(torque=np.full((1200, 4), 120.0), u=np.full((1200, 4), 120.0))
+    fallen = made_up_walk(outcome=np.array(1), steps=np.array(3))
+    return margins(25.0, 60.0) | {
+        f"{plant}/{name}": value
+        for plant in PLANTS
+        for name, value in (
+            ("zd-pd, unsaturated", unsaturated),
+            ("zd-pd, saturated", fallen),
+            ("c-mpc", made_up_walk(**cmpc)),
+        )
+    }
+
+
+def test_fig4_follows_its_data() -> None:
+    assert all(holds(fig4.evaluate(fig4_results(), Effort()), "rigid"))
+    over = fig4.evaluate(fig4_results(u=np.full((1200, 4), 60.0)), Effort())
+    assert holds(over, "rigid")[0] is False  # 60 N.m is beyond a knee
+    fallen = fig4.evaluate(fig4_results(outcome=np.array(1)), Effort())
+    assert holds(fallen, "rigid")[0] is False
+    weak = fig4.evaluate(fig4_results() | margins(30.0, 20.0), Effort())
+    assert holds(weak, "mujoco")[4:] == [False] * 4
+
+
+def test_fig7_is_about_the_worst_ratio_away_from_impacts() -> None:
+    def results(ratio: float, spike_at: int) -> dict:
+        force = np.column_stack((np.full(1200, 100.0 * ratio), np.full(1200, 100.0)))
+        force[spike_at, 0] = 500.0
+        without = np.column_stack((np.full(1200, 90.0), np.full(1200, 100.0)))
+        return {
+            f"{plant}/{name}": made_up_walk(force=f)
+            for plant in PLANTS
+            for name, f in (("with/0.6", force), ("without", without))
+        }
+
+    quick = Effort(quick=True)
+    assert holds(fig7.evaluate(results(0.59, 305), quick), "rigid") == [True, True]  # an impact's force
+    assert holds(fig7.evaluate(results(0.59, 450), quick), "rigid") == [False, True]
+    assert holds(fig7.evaluate(results(0.7, 305), quick), "rigid") == [False, True]
+
+
+def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_other() -> None:
+    def results(nominal: float, doubled: float, fell: int) -> dict:
+        found = {}
+        for plant in PLANTS:
+            for controller, case in table2._cases():
+                value = nominal if case == "nominal" else doubled
+                entry = {
+                    "fell_in_step": np.array(0),
+                    "residual": np.array(1e-9),
+                    "largest": np.array(value),
+                    "eigenvalues": np.full(9, value),
+                    "h": np.array(1e-2),
+                    "spread": np.array(1e-3),
+                    "roughness": np.array(1e-4),
+                    "study_h": np.array([1e-2]),
+                    "study_largest": np.array([value]),
+                }
+                if controller == "zd-pd" and case != "nominal":
+                    entry = {"fell_in_step": np.array(fell), "residual": np.array(1.0)}
+                found[f"{plant}/{controller}/{case}"] = entry
+        return found
+
+    assert holds(table2.evaluate(results(0.745, 0.8, 2), Effort()), "rigid") == [True] * 5
+    assert holds(table2.evaluate(results(0.6, 0.8, 0), Effort()), "rigid") == [False, False, False, False, True]
+    assert holds(table2.evaluate(results(0.6, 0.8, 2), Effort()), "mujoco") == [True] * 5
+    assert holds(table2.evaluate(results(1.1, 1.2, 2), Effort()), "mujoco") == [False, False, True, True, False]
+
+
+def test_fig8_compares_areas() -> None:
+    quick = Effort(quick=True)
+
+    def results(zd_top: int, mpc_top: int) -> dict:
+        found = {}
+        for name in fig8.tasks(quick):
+            fate = np.zeros(7, dtype=int)
+            fate[2 : zd_top if "zd-pd" in name else mpc_top] = 1
+            found[name] = {"fate": fate, "steps": np.zeros(7, dtype=int)}
+        return found
+
+    assert holds(fig8.evaluate(results(4, 6), quick), "rigid") == [True, True, None]
+    assert holds(fig8.evaluate(results(5, 5), quick), "rigid") == [False, False, None]
+
+
+def test_the_search_for_a_force_brackets_it() -> None:
+    scenario = Effort().scenario("rigid", "zd-pd", {"steps": 3, "pushes.0.force": 0.0, "pushes.0.step": 1})
+    found = measure.largest_survived(scenario, "pushes.0.force", 1.0, 32.0, 4.0, 200.0)
+    fate = dict(zip(found["tried"].tolist(), found["survived"].tolist(), strict=True))
+    value = float(found["value"])
+    assert value == max(force for force, survived in fate.items() if survived)
+    assert fate[value + 4.0] is False
+
+
+# Keeping results
+
+
+def counted(value: float) -> dict:
+    counted.calls += 1
+    return {"x": np.array(value)}
+
+
+counted.calls = 0
+
+
+@pytest.fixture
+def store(tmp_path) -> tasks.Store:
+    return tasks.Store(tmp_path / "tasks")
+
+
+def few(*values: float) -> dict[str, Task]:
+    return {f"{v:g}": Task(function="tests.test_reproduce:counted", arguments={"value": v}) for v in values}
+
+
+@pytest.fixture(autouse=True)
+def this_module(monkeypatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "tests.test_reproduce", sys.modules[__name__])
+    counted.calls = 0
+
+
+def test_results_are_kept_and_damaged_ones_made_again(store) -> None:
+    wanted = few(1.0, 2.0)
+    tasks.run(wanted, store, workers=1)
+    tasks.run(wanted, store, workers=1)
+    assert counted.calls == 2
+    store.path(wanted["1"]).write_bytes(b"PK\x03\x04 half a file")
+    tasks.run(wanted, store, workers=1)
+    assert counted.calls == 3
+    assert store.get(wanted["1"])["x"] == 1.0
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(store) -> None:
+    def interrupt(name: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tasks.run(few(1.0, 2.0, 3.0), store, workers=1, finished=interrupt)
+    finished: list[str] = []
+    tasks.run(few(1.0, 2.0, 3.0), store, workers=1, finished=finished.append)
+    assert counted.calls == 3
+    assert sorted(finished) == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_request_to_stop_is_heeded_and_what_is_finished_is_kept(store, workers: int) -> None:
+    steps = [Effort().scenario("rigid", "zd-pd", {"steps": n}) for n in (1, 2)]
+    wanted = {
+        str(i): Task(function="sim.reproduce.measure:walk", arguments={"scenario": s}) for i, s in enumerate(steps)
+    }
+    finished: list[str] = []
+    with pytest.raises(tasks.Stopped, match="enough"):
+        tasks.run(wanted, store, workers=workers, finished=finished.append, stop=lambda: "enough" if finished else None)
+    assert finished and all(store.get(wanted[name]) is not None for name in finished)
+
+
+def test_equal_tasks_are_run_once(store) -> None:
+    task = few(1.0)["1"]
+    finished: list[str] = []
+    tasks.run({"a": task, "b": task}, store, workers=1, finished=finished.append)
+    assert counted.calls == 1
+    assert finished == ["a", "b"]
+
+
+def test_workers_bring_back_the_same_bytes(store) -> None:
+    wanted = {
+        name: Task(
+            function="sim.reproduce.measure:walk",
+            arguments={"scenario": Effort().scenario("rigid", "zd-pd", {"steps": 2, "start.torso_offset": offset})},
+        )
+        for name, offset in (("a", 0.0), ("b", 0.01))
+    }
+    shown: list[tuple[float, float]] = []
+    tasks.run(wanted, store, workers=2, progress=lambda *now: shown.append(now))
+    assert shown[-1] == (2.0, 2.0)
+    for name, task in wanted.items():
+        here, there = tasks.work(task), store.get(task)
+        for key in here.keys() - {"tick_ms"}:
+            assert here[key].tobytes() == there[key].tobytes(), (name, key)
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match=r"--out .*file"):
+        tasks.Store(tmp_path / "file" / "tasks")
+
+
+# Writing
+
+
+def finding() -> Evaluation:
+    x = np.linspace(0, 1, 50)
+    panel = LinePanel(title="t", x_label="x [s]", y_label="y [m]", series=(Series(name="a<b", x=x, y=x * np.nan),))
+    verdict = Verdict(
+        claim="1 < 2", paper="-", rigid=Finding(text="<&>", holds=True), mujoco=Finding(text="n", holds=False)
+    )
+    return Evaluation(verdicts=(verdict,), panels=((panel,),), tables={"a": {"x [s]": x}}, notes=("</script>",))
+
+
+def test_files_are_complete_self_contained_and_reproducible(tmp_path) -> None:
+    found = {}
+    for folder in (tmp_path / "one", tmp_path / "two"):
+        folder.mkdir()
+        report.write("fig3", finding(), folder, quick=False)
+        report.write_page({"fig3": finding()}, folder, quick=True)
+        found[folder.name] = {f.relative_to(folder): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+    assert found["one"] == found["two"]
+    names = {str(name) for name in found["one"]}
+    assert names == {"fig3.json", "fig3.png", "fig3.html", "index.html", "data/fig3-a.csv"}
+    page = found["one"][Path("index.html")].decode()
+    assert 'src="http' not in page and 'href="http' not in page and "@import" not in page
+    assert "&lt;&amp;&gt;" in page and "Coarse" in page
+    saved = json.loads(found["one"][Path("fig3.json")])
+    assert saved["verdicts"][0]["mujoco"] == {"text": "n", "holds": False}
+    assert found["one"][Path("data/fig3-a.csv")].decode().splitlines()[0] == "x [s]"
+
+
+def test_thinning_keeps_peaks_and_ends() -> None:
+    y = np.zeros(100_000)
+    y[54_321], y[98_765] = 1.0, -2.0
+    x, thin = thinned(np.arange(100_000), y)
+    assert len(x) <= 1202
+    assert (thin.max(), thin.min()) == (1.0, -2.0)
+    assert (x[0], x[-1]) == (0, 99_999)
+
+
+def test_every_experiment_is_there_and_says_what_it_needs() -> None:
+    import importlib
+
+    for name in EXPERIMENTS:
+        module = importlib.import_module(f"sim.reproduce.{name}")
+        quick, full = module.tasks(Effort(quick=True)), module.tasks(Effort())
+        assert quick
+        assert sum(t.cost for t in quick.values()) <= sum(t.cost for t in full.values())
+    grid = fig8.FULL
+    assert len(grid.torso) >= 25 and len(grid.force) >= 31
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["fig33"], "no experiment 'fig33'; did you mean fig3? There are: all, fig3"),
+        (["--workers", "0"], "--workers 0"),
+        (["--controller.kp", "1"], "--controller.kp"),
+        (["--fast"], "unknown option --fast"),
+        (["fig3", "--out", "/proc/nowhere"], "--out /proc/nowhere: cannot be written"),
+    ],
+)
+def test_bad_input_is_named(capsys, words: list[str], message: str) -> None:
+    assert cli.main(["reproduce", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_without_matplotlib_the_way_to_install_it_is_told(monkeypatch, capsys, tmp_path) -> None:
+    imports = builtins.__import__
+
+    def without(name, *rest, **more):
+        if name == "matplotlib":
+            raise ImportError(name)
+        return imports(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(UserError, match=r"cmpc-walker\[plots\]"):
+        draw.require()
+    assert cli.main(["reproduce", "fig3", "--out", str(tmp_path)]) == 2
+    assert "pip install" in capsys.readouterr().err
