@@ -333,6 +333,8 @@ def _resume(record: Path, head: dict[str, Any]) -> list[gain_search.Evaluation]:
         whole = "\n".join([first, *lines[: len(rows)]]) + "\n"
         record.write_text(whole, encoding="utf-8")
         return rows
+    except UserError:
+        raise
     except OSError as error:
         raise UserError(f"{record}: cannot be read or written: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
