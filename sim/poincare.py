@@ -23,10 +23,12 @@ STEP_SIZES = (3e-2, 2e-2, 1e-2, 5e-3, 3e-3, 1e-3, 3e-4, 1e-4)
 PROBE = 1e-4  # [rad] perturbation at which the roughness of the map is measured
 PROBES = 10
 SETTLED = 1e-6  # [rad] change of a step at which Newton takes over
-PATIENCE = 8  # steps without a smaller residual after which walking brings nothing more
-ACCEPTED = 1e-4
-"""[rad] Residual of a fixed point that serves: a map that jumps has none to more digits, and eigenvalues taken with
-perturbations of 1e-2 rad do not notice."""
+PATIENCE = 10  # steps without a smaller change after which walking brings nothing more
+SHARP = 1e-4  # [rad] largest residual of a fixed point proper
+BOUNDED = 0.05
+"""[rad] Scatter about their mean within which states of a walk count as one periodic state. A map that jumps has no
+fixed point to more digits than its jumps, and walking on it hops about for ever; perturbations of 1e-2 rad and more
+average over the jumps."""
 
 StepMap = Callable[[Vector], Vector]
 """Section state (10,) in stance order to the next one; raises `Fell` where there is none."""
@@ -43,13 +45,15 @@ class FixedPoint:
     Attributes:
         x: The last state, (10,), in stance order.
         residual: Norm of P(x) - x, angles in [rad] and rates in [rad/s] / `RATE_SCALE`.
+        scatter: RMS distance of the last steps of walking from their mean, same norm; NaN if it fell.
         iterations: Steps of settling, then of Newton.
-        converged: Whether the residual is below the tolerance.
+        converged: Whether the residual is below `SHARP`, or the walk stays bounded and `x` is its mean.
         message: Why it did not converge, empty otherwise.
     """
 
     x: Vector
     residual: float
+    scatter: float
     iterations: tuple[int, int]
     converged: bool
     message: str
@@ -129,40 +133,52 @@ def find_fixed_point(
     x = surface.project(start)
     walked, since, steps, message = 0, 0, 0, ""
     best, least = x, np.inf
+    visited: list[Vector] = []
     try:
         for walked in range(1, settling + 1):
             following = P(x)
             residual = distance(following, x)
             if residual < least:
-                best, least = x, residual
-                since = walked
+                best, least, since = x, residual, walked
             x = surface.project(following)
+            visited.append(x)
             if residual < SETTLED or walked - since >= PATIENCE:
                 break
     except Fell as fall:
-        message = f"falls in step {walked}: {fall}"
-    x, last = best, np.inf
+        message, visited = f"falls in step {walked}: {fall}", []
+    last = np.array(visited[-PATIENCE:]).reshape(-1, 10)
+    x, before = best, np.inf
     try:
         for steps in range(newton + 1):
             following = P(x)
             residual = distance(following, x)
             if residual < least or steps == 0:
                 best, least = x, residual
-            if residual < tolerance or residual > 0.5 * last or steps == newton:
+            if residual < tolerance or residual > 0.5 * before or steps == newton:
                 break  # found, or as good as the map's jumps allow
-            last = residual
+            before = residual
             V = surface.basis(x)
             A: Vector = jacobian(P, surface, x, h) - np.eye(9)
             move = -np.asarray(np.linalg.solve(A, _reduce(V, following - x)), dtype=np.float64)
             x = surface.project(x + _expand(V, move))
     except (Fell, np.linalg.LinAlgError) as error:
         message = message or f"Newton's method leaves the walkable states: {error}"
-    converged = least < max(tolerance, ACCEPTED)
-    if converged:
-        message = ""
-    elif not message:
+    scatter = float(np.linalg.norm(scaled(last).std(axis=0))) if len(last) else float("nan")
+    sharp = least < max(tolerance, SHARP)
+    if not sharp and scatter < BOUNDED:
+        best = surface.project(last.mean(axis=0))
+        least = distance(P(best), best)
+    converged = sharp or scatter < BOUNDED
+    if not converged and not message:
         message = f"residual {least:.1e} rad after {steps} Newton steps"
-    return FixedPoint(x=best, residual=least, iterations=(walked, steps), converged=converged, message=message)
+    return FixedPoint(
+        x=best,
+        residual=least,
+        scatter=scatter,
+        iterations=(walked, steps),
+        converged=converged,
+        message="" if converged else message,
+    )
 
 
 def jacobian(P: StepMap, surface: Surface, x: Vector, h: float) -> Vector:

@@ -79,6 +79,23 @@ def test_jumps_of_the_map_show_as_roughness_and_spoil_small_perturbations_only()
     assert small.largest is not None and abs(small.largest - 0.75) > 0.1
 
 
+def test_a_walk_that_hops_about_for_ever_has_its_mean_for_a_fixed_point() -> None:
+    P, fixed = linear_map(EIGENVALUES, jump=1e-3)
+    found = poincare.find_fixed_point(P, SURFACE, fixed + 1e-2 * SURFACE.basis(fixed) @ np.ones(9))
+    assert found.converged
+    assert 1e-5 < found.scatter < 0.05
+    assert poincare.distance(found.x, fixed) < 0.05
+
+
+def test_a_walk_that_wanders_off_has_none() -> None:
+    _, fixed = linear_map(EIGENVALUES)
+
+    def leaving(x: NDArray) -> NDArray:
+        return SURFACE.project(x + np.array([0.0] * 5 + [0.4] * 5))
+
+    assert not poincare.find_fixed_point(leaving, SURFACE, fixed, newton=0).converged
+
+
 def test_a_walker_that_falls_has_no_fixed_point() -> None:
     def P(x: NDArray) -> NDArray:
         raise poincare.Fell("the hip sank below the fall height")

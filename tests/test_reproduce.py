@@ -134,6 +134,7 @@ def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_ot
                 entry = {
                     "fell_in_step": np.array(0),
                     "residual": np.array(1e-9),
+                    "scatter": np.array(1e-3),
                     "largest": np.array(value),
                     "eigenvalues": np.full(9, value),
                     "h": np.array(1e-2),

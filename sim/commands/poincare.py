@@ -96,6 +96,7 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
         "converged": point.converged,
         "fixed_point": point.x.tolist(),
         "residual": point.residual,
+        "map_scatter": point.scatter,
         "settling_steps": point.iterations[0],
         "newton_steps": point.iterations[1],
         "message": point.message,
@@ -133,6 +134,8 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
 
 
 def _text(report: dict[str, Any], scenario: Scenario) -> str:
+    from sim.poincare import SHARP
+
     head = f"{scenario.name}, {scenario.controller.kind}, {scenario.plant.kind} plant"
     lines = [head]
 
@@ -141,7 +144,9 @@ def _text(report: dict[str, Any], scenario: Scenario) -> str:
 
     if report["converged"]:
         walked, newton = report["settling_steps"], report["newton_steps"]
-        row("fixed point", f"found in {walked} steps of walking and {newton} of Newton")
+        sharp = report["residual"] < SHARP
+        words = "found in" if sharp else f"the mean of states that scatter by {report['map_scatter']:.1e} rad, after"
+        row("fixed point", f"{words} {walked} steps of walking and {newton} of Newton")
     else:
         row("fixed point", f"none found: {report['message']}")
     row("residual", f"{report['residual']:.1e} rad (rates in units of 4 rad/s)")

@@ -114,5 +114,6 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         notes=(
             "Windows: step 1, step 2 (pushed), steps 9 to 12. RMS over all four joints, impacts included. Step 1 "
             "begins with the exact state after a rigid impact; the steps after it begin with the plant's own impact.",
+            "Spikes around impacts beyond 150 N.m are cut off in the figure, and whole in the data.",
         ),
     )

@@ -163,8 +163,8 @@ def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]
 
     Returns:
         "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
-        of the free walk, and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread", "roughness",
-        "study_h", "study_largest".
+        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread",
+        "roughness", "study_h", "study_largest".
     """
     from sim import poincare
 
@@ -175,6 +175,7 @@ def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]
     found = {
         "converged": np.array(point.converged),
         "residual": np.array(point.residual),
+        "scatter": np.array(point.scatter),
         "fell_in_step": np.array(fell),
         "x": point.x,
     }

@@ -21,7 +21,7 @@ from sim.reproduce.study import (
 )
 
 SIZES = (3e-2, 2e-2, 1e-2, 5e-3, 3e-3, 1e-3, 3e-4, 1e-4)  # [rad]
-QUICK_SIZES = (2e-2, 1e-2, 5e-3)
+QUICK_SIZES = (3e-2, 2e-2, 1e-2)
 NOMINAL, DOUBLED = 0.75, 0.78
 NOMINAL_TOLERANCE, DOUBLED_TOLERANCE = 0.02, 0.1
 
@@ -125,7 +125,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
             notes.append(
                 f"{PLANT_NAMES[plant]}, {CONTROLLER_NAMES[controller]}, {case}: "
                 f"{float(found['largest']):.4f} +- {float(found['spread']):.1g} at {float(found['h']):g} rad; "
-                f"residual of the fixed point {float(found['residual']):.1e}, roughness of the map "
+                f"residual of the fixed point {float(found['residual']):.1e}, scatter of the walk on the map "
+                f"{float(found['scatter']):.1e}, roughness of the map "
                 f"{float(found['roughness']):.1e} rad."
             )
     return Evaluation(
