@@ -149,7 +149,9 @@ def design_gait(
             say=say,
             name=name or out.stem,
         )
-        gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost, starts),)))
+        gait_file.write(
+            out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost, starts),))
+        )
         return Belief(model=model, gait=load_gait(out, model), path=out), found
 
 
