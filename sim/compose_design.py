@@ -4,18 +4,13 @@ Beliefs only: nothing here touches a plant. That a designed gait walks in MuJoCo
 """
 
 import contextlib
-import json
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from controller import library
-from controller.design import gains as gain_search
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
 from controller.design.optimise import COST_UNIT, Design, design
@@ -25,7 +20,6 @@ from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.errors import ControllerInputError
 from controller.gait import Gait, load_gait
-from controller.kernels import Gains
 from controller.model import WalkerModel
 from sim.errors import UserError
 from sim.walkers import WalkerFolder
@@ -39,7 +33,6 @@ __all__ = [
     "library_gaits",
     "plot_gait",
     "polish_gait",
-    "search_gains",
 ]
 
 Say = Callable[[str], None]
@@ -145,7 +138,7 @@ def design_gait(
         need = Requirements(**request)
         start = load_gait(folder.gait(warm), model) if warm else None
         out = out or folder.gaits / library.file_name(need.step_length, need.speed)
-        _check_folder(out)
+        check_folder(out)
         found = design(
             model,
             need,
@@ -156,7 +149,9 @@ def design_gait(
             say=say,
             name=name or out.stem,
         )
-        gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost),)))
+        gait_file.write(
+            out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost, starts),))
+        )
         return Belief(model=model, gait=load_gait(out, model), path=out), found
 
 
@@ -220,152 +215,19 @@ def _library_job(job: tuple[str, dict[str, Any], int, int]) -> str:
     return f"{found.path.name}: cost {made.orbit.cost:.0f} {COST_UNIT['torque']}, delta^2 {made.orbit.delta**2:.3f}"
 
 
-def _remark(folder: WalkerFolder, need: Requirements, degree: int, cost: str) -> str:
-    return (
-        f"Made by: cmpc gait design --walker {folder.name} --step-length {need.step_length:g} --speed {need.speed:g} "
-        f"--degree {degree} --cost {cost}"
-    )
+def _remark(folder: WalkerFolder, need: Requirements, degree: int, cost: str, starts: int) -> str:
+    """The command that makes a gait again, but for a warm start."""
+    usual = Requirements(step_length=need.step_length, speed=need.speed)
+    words = [f"--walker {folder.name} --step-length {need.step_length:g} --speed {need.speed:g}"]
+    words.append(f"--degree {degree} --cost {cost} --starts {starts}")
+    for field in fields(Requirements):
+        value = getattr(need, field.name)
+        if value != getattr(usual, field.name):
+            numbers = value if isinstance(value, tuple) else (value,)
+            words.append(f"--{field.name.replace('_', '-')} {' '.join(f'{number:g}' for number in numbers)}")
+    return f"Made by: cmpc gait design {' '.join(words)}"
 
 
-def _check_folder(out: Path) -> None:
+def check_folder(out: Path) -> None:
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
-
-
-PAPER = ((60.0, 90.0, 90.0, 50.0), (10.0, 20.0, 20.0, 10.0))
-"""K_P [1/s^2] and K_D [1/s] of the paper, to compare with."""
-
-
-def search_gains(
-    walker: str,
-    gait: str,
-    *,
-    kp: Sequence[float],
-    kd: Sequence[float],
-    period: float,
-    evaluations: int,
-    seed: int,
-    out: Path,
-    say: Say,
-) -> dict[str, Any]:
-    """Search gains, write the best as a scenario with its evidence, and each evaluation beside it.
-
-    Args:
-        walker: Name or folder.
-        gait: Name or path.
-        kp: Start in [1/s^2], (4,).
-        kd: Start in [1/s], (4,).
-        period: Sampling period in [s].
-        evaluations: In all, those of an interrupted search included.
-        seed: Of the search.
-        out: Scenario to write; `.jsonl` instead of `.toml` for the evaluations.
-        say: Told of every improvement.
-
-    Returns:
-        Scores of the start, the paper's gains and the best.
-
-    Raises:
-        UserError: a file is not legal, or the optimiser is not installed.
-    """
-    _check_folder(out)
-    known_belief = belief(gait, walker)
-    model, record = known_belief.model, out.with_suffix(".jsonl")
-    head = {"fingerprint": model.fingerprint, "gait": known_belief.gait.name, "period": period, "seed": seed}
-    head |= {"kp": list(kp), "kd": list(kd)}
-    known = _resume(record, head)
-    best = min((value for _, value in known), default=float("inf"))
-    if known:
-        say(f"{record}: goes on after {len(known)} evaluations")
-    count = len(known)
-    with open(record, "a", encoding="utf-8") as file:
-
-        def keep(evaluation: gain_search.Evaluation) -> None:
-            nonlocal best, count
-            gains, value = evaluation
-            count += 1
-            file.write(json.dumps({"gains": gains, "value": value}) + "\n")
-            file.flush()
-            if value < best:
-                best = value
-                say(f"evaluation {count}: score {value:.5f}")
-
-        with as_user_errors():
-            found, _ = gain_search.search(
-                lambda gains: gain_search.score(model, known_belief.gait, gains, period).value,
-                Gains(kp=_array(kp), kd=_array(kd)),
-                seed=seed,
-                evaluations=evaluations,
-                known=known,
-                keep=keep,
-            )
-    result: dict[str, Any] = {"evaluations": max(count, len(known)), "seed": seed}
-    for name, (some_kp, some_kd) in (("start", (kp, kd)), ("paper", PAPER), ("found", (found[:4], found[4:]))):
-        score = gain_search.score(model, known_belief.gait, Gains(kp=_array(some_kp), kd=_array(some_kd)), period)
-        result[name] = {
-            "kp": list(some_kp),
-            "kd": list(some_kd),
-            "score": score.value,
-            "largest": score.largest,
-            "eigenvalues": list(score.eigenvalues),
-            "torque_excess": score.torque_excess,
-        }
-    with as_user_errors():
-        gait_file.write(out, _scenario(WalkerFolder.find(walker), known_belief.path, result, period))
-    return result
-
-
-def _resume(record: Path, head: dict[str, Any]) -> list[gain_search.Evaluation]:
-    """Evaluations of an interrupted search; writes the head of a new one."""
-    try:
-        if not record.exists():
-            record.write_text(json.dumps(head) + "\n", encoding="utf-8")
-            return []
-        first, *lines = record.read_text(encoding="utf-8").splitlines()
-        if json.loads(first) != head:
-            raise UserError(f"{record}: is of another search ({first}); choose another --out or remove it")
-        rows = []
-        for line in lines:
-            try:
-                row = json.loads(line)
-            except json.JSONDecodeError:
-                break  # the search was stopped while it wrote this line
-            rows.append((tuple(row["gains"]), float(row["value"])))
-        whole = "\n".join([first, *lines[: len(rows)]]) + "\n"
-        record.write_text(whole, encoding="utf-8")
-        return rows
-    except OSError as error:
-        raise UserError(f"{record}: cannot be read or written: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{record}: is not the record of a gain search; choose another --out") from error
-
-
-def _scenario(folder: WalkerFolder, gait: Path, result: Mapping[str, Any], period: float) -> str:
-    """The best gains as a scenario, with the evidence as comments."""
-
-    def line(name: str) -> str:
-        row = result[name]
-        sizes = ", ".join(f"{x:.4f}" for x in row["eigenvalues"]) or "none, it does not walk"
-        return f"# {name}: eigenvalues {sizes}; torque beyond its limit {row['torque_excess']:.1%}"
-
-    found = result["found"]
-    shipped = gait.parent == folder.gaits
-    return "\n".join(
-        [
-            f"# Gains by cmpc gains search, {result['evaluations']} evaluations of CMA-ES, seed {result['seed']}.",
-            f"# Magnitudes of the eigenvalues of the Poincare map, torque held for {period:g} s:",
-            *(line(name) for name in ("start", "paper", "found")),
-            'description = "Gains found by cmpc gains search"',
-            f"walker = {json.dumps(folder.name if folder.is_shipped else str(folder.urdf.parent))}",
-            f"gait = {json.dumps(gait.stem if shipped else os.path.abspath(gait))}",
-            "",
-            "[controller]",
-            f"kp = {[round(x, 6) for x in found['kp']]}  # [1/s^2]",
-            f"kd = {[round(x, 6) for x in found['kd']]}  # [1/s]",
-            f"period = {period!r}  # [s]",
-            "",
-        ]
-    )
-
-
-def _array(values: Sequence[float]) -> Any:
-    return np.array(values, dtype=float)

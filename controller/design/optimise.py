@@ -8,33 +8,28 @@ answer. Source of the formulation: book, Section 6.6.2.1.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares, minimize
 
-from controller.design.orbit import Orbit, periodic_orbit, quadrature
+from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import NoPosture, Parametrisation, posture, with_rates
+from controller.design.problem import COST, MARGINS, NODES, ROOTS, SPEED, Cost, Problem, violation_of
 from controller.design.requirements import Margin, Requirements, margins
 from controller.errors import ControllerInputError
 from controller.gait import Gait
 from controller.model import WalkerModel
 from controller.records import Vector
 
-Cost = Literal["torque", "work"]
 COST_UNIT = {"torque": "N^2 m s", "work": "J/m"}
 Say = Callable[[str], None]
 
 HELD_BACK = (5e-3, 2e-2)  # scaled margins kept in hand for what happens between the nodes; the second if need be
-NODES = 31  # of the optimiser; the answer is judged on those of `orbit.NODES`
 SLACK = 1e-6  # scaled violation that counts as none
 HOPELESS = 0.2  # scaled violation after the approach, above which a start is given up
-DIFFERENCE = 1e-6  # [rad], [m]
 ROUNDS = 4  # of SLSQP, each with a new metric
 ITERATIONS = 60  # of a round
 SOFTEST = 0.05  # curvature given to directions that torque does not feel, as a share of the first cost
-FAR = 1e3  # stands for cost and violation where there is no posture
 
 
 class Infeasible(ControllerInputError):
@@ -56,75 +51,6 @@ class Design:
     orbit: Orbit
     margins: tuple[Margin, ...]
     iterations: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Problem:
-    """The request as functions of the free numbers.
-
-    Attributes:
-        space: What the numbers mean.
-        need: What is asked.
-        cost: Which cost.
-        cost_scale: What counts as 1 of it.
-        held_back: Scaled margin kept in hand; some margins keep a share of it.
-    """
-
-    space: Parametrisation
-    need: Requirements
-    cost: Cost
-    cost_scale: float
-    held_back: float
-
-    @property
-    def reserve(self) -> Vector:
-        """What each scaled margin must keep, (number of margins,)."""
-        return self.held_back * _reserve(self.space.model, self.need)
-
-    def vector(self, p: Vector) -> Vector:
-        """Scaled cost, relative error of the speed, scaled margins, square roots of the torque cost's summands.
-
-        Finite everywhere: an optimiser's step may go where there is no gait.
-        """
-        model = self.space.model
-        try:
-            gait = self.space.gait(p)
-        except NoPosture:
-            return np.r_[FAR, FAR, np.full(self.reserve.shape, -FAR), np.zeros(4 * NODES)]
-        orbit = periodic_orbit(model, gait, NODES)
-        scaled = [m.values / m.scale for m in margins(model, gait, orbit, self.need)]
-        cost = orbit.cost if self.cost == "torque" else orbit.work
-        _, integrals = quadrature(NODES)
-        share = integrals[-1] * gait.table.theta_span / (orbit.step_length * orbit.dtheta * self.cost_scale)
-        roots = np.sqrt(np.maximum(share, 0.0))[:, None] * orbit.u
-        values = np.concatenate([[cost / self.cost_scale, orbit.speed / self.need.speed - 1.0], *scaled, roots.ravel()])
-        return np.clip(np.nan_to_num(values, nan=-FAR), -FAR, FAR)
-
-    def jacobian(self, p: Vector) -> Vector:
-        """Central differences of `vector`, (its length, size)."""
-        columns = []
-        for i in range(p.shape[0]):
-            e = np.zeros_like(p)
-            e[i] = DIFFERENCE
-            columns.append((self.vector(p + e) - self.vector(p - e)) / (2.0 * DIFFERENCE))
-        return np.array(columns).T
-
-
-COST, SPEED = 0, 1
-MARGINS = slice(2, -4 * NODES)
-ROOTS = slice(-4 * NODES, None)
-"""Parts of `_Problem.vector`."""
-
-
-@lru_cache(maxsize=8)
-def _reserve(model: WalkerModel, need: Requirements) -> Vector:
-    """Share of the reserve that each margin keeps; the same for any gait, so one with straight legs will do."""
-    space = Parametrisation(model=model, degree=4, step_length=min(need.step_length, 0.5 * model.leg_length))
-    p = np.zeros(space.size)
-    p[:2] = -0.1
-    gait = space.gait(p)
-    found = margins(model, gait, periodic_orbit(model, gait, NODES), need)
-    return np.concatenate([np.broadcast_to(m.reserve, m.values.shape) for m in found])
 
 
 class _Memory:
@@ -199,18 +125,18 @@ def _from_start(
     space: Parametrisation, need: Requirements, cost: Cost, p: Vector, name: str
 ) -> tuple[Design | None, Vector, float]:
     """The gait one start leads to, if any; the vector; its largest scaled violation."""
-    problem = _Problem(space=space, need=need, cost=cost, cost_scale=1.0, held_back=HELD_BACK[0])
+    problem = Problem(space=space, need=need, cost=cost, cost_scale=1.0, held_back=HELD_BACK[0])
     p = _approach(problem, p)
-    violation = _violation(problem.vector(p))
+    violation = violation_of(problem.vector(p))
     if violation > HOPELESS:
         return None, p, violation
     first = periodic_orbit(space.model, space.gait(p), NODES)
     scale = max(first.cost if cost == "torque" else first.work, 1e-3)
     iterations = 0
     for held_back in HELD_BACK:
-        problem = _Problem(space=space, need=need, cost=cost, cost_scale=scale, held_back=held_back)
+        problem = Problem(space=space, need=need, cost=cost, cost_scale=scale, held_back=held_back)
         p, more = _optimise(problem, p)
-        iterations, violation = iterations + more, _violation(problem.vector(p))
+        iterations, violation = iterations + more, violation_of(problem.vector(p))
         if violation > SLACK:
             break
         gait, orbit, kept = _finish(space, p, need, name)
@@ -259,12 +185,7 @@ def _starts(space: Parametrisation, need: Requirements, warm: Gait | None) -> It
         yield f"lean {lean:+.2f} rad, knee {bend:.2f} rad", p
 
 
-def _violation(vector: Vector) -> float:
-    """Largest scaled violation, what is held back not counted; below 0 if there is room."""
-    return max(abs(float(vector[SPEED])), float(-vector[MARGINS].min()))
-
-
-def _approach(problem: _Problem, p: Vector) -> Vector:
+def _approach(problem: Problem, p: Vector) -> Vector:
     """Make the violations small, staying near the start."""
     value, slope = _Memory(problem.vector), _Memory(problem.jacobian)
     stay = 1e-2
@@ -281,7 +202,7 @@ def _approach(problem: _Problem, p: Vector) -> Vector:
     return least_squares(miss, p, jac=gradient, method="lm", max_nfev=60, xtol=1e-6, ftol=1e-6).x
 
 
-def _optimise(problem: _Problem, p: Vector) -> tuple[Vector, int]:
+def _optimise(problem: Problem, p: Vector) -> tuple[Vector, int]:
     """Rounds of SLSQP in coordinates in which the cost is round.
 
     SLSQP starts from a unit Hessian and has no trust region: in the raw coordinates its first step leaves every
@@ -304,7 +225,7 @@ def _optimise(problem: _Problem, p: Vector) -> tuple[Vector, int]:
     return p, iterations
 
 
-def _slsqp(problem: _Problem, p: Vector, metric: Vector) -> OptimizeResult:
+def _slsqp(problem: Problem, p: Vector, metric: Vector) -> OptimizeResult:
     value = _Memory(lambda z: problem.vector(p + metric @ z))
     slope = _Memory(lambda z: problem.jacobian(p + metric @ z) @ metric)
     return minimize(
@@ -320,7 +241,7 @@ def _slsqp(problem: _Problem, p: Vector, metric: Vector) -> OptimizeResult:
     )
 
 
-def _merit(problem: _Problem, p: Vector) -> float:
+def _merit(problem: Problem, p: Vector) -> float:
     """Cost with violations priced above anything they could save."""
     vector = problem.vector(p)
     shortfall = max(abs(float(vector[SPEED])), float((problem.reserve - vector[MARGINS]).max()))

@@ -88,12 +88,14 @@ def _design(argv: Sequence[str]) -> int:
     parser.add_argument("--degree", type=int, default=6, metavar="INT", help="of the Bezier polynomials (default: 6)")
     parser.add_argument("--cost", choices=("torque", "work"), default="torque", help="what is least (default: torque)")
     parser.add_argument("--warm", metavar="NAME|FILE.toml", help="gait to start from")
-    parser.add_argument("--starts", type=int, default=1, metavar="INT", help="take the best of so many (default: 1)")
+    parser.add_argument("--starts", type=int, default=2, metavar="INT", help="take the best of so many (default: 2)")
     parser.add_argument("--out", metavar="FILE.toml", help="default: L<m>-v<m/s>.toml in the walker's gaits/")
     parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
     found = parser.parse(argv)
     if (found.speed is None) == (found.step_time is None):
         raise UserError("cmpc gait design: give --speed [m/s] or --step-time [s], one of them")
+    if found.starts < 1:
+        raise UserError(f"--starts {found.starts}; legal: 1 or above")
     if found.step_time is not None and not found.step_time > 0.0:
         raise UserError(f"--step-time {found.step_time} s; legal: above 0 s")
     speed = found.speed if found.speed is not None else found.step_length / found.step_time
@@ -154,8 +156,9 @@ def _library(argv: Sequence[str]) -> int:
     parser.add_argument("--workers", type=int, default=2, metavar="INT", help="processes (default: 2)")
     parser.add_argument("--fresh", action="store_true", help="design all of them again")
     found = parser.parse(argv)
-    if found.workers < 1:
-        raise UserError(f"--workers {found.workers}; legal: 1 or above")
+    for flag, value in (("--workers", found.workers), ("--starts", found.starts)):
+        if value < 1:
+            raise UserError(f"{flag} {value}; legal: 1 or above")
 
     from sim import compose_design
 

@@ -1,7 +1,11 @@
 """Where trials run: in this process, on this machine's cores, or on a Dask cluster; the results are the same."""
 
+import functools
 import itertools
 import json
+import os
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -13,6 +17,7 @@ Execute = Callable[[Iterable[TrialSpec]], Iterator[TrialResult]]
 """Runs trials and yields their results in any order."""
 
 CONNECT_TIMEOUT = 10.0  # [s]
+LOOK_FOR_PARENT = 1.0  # [s]
 IN_FLIGHT = 3  # trials a worker thread of a cluster has at hand
 RESTARTS = 3  # times a trial may take its worker with it before it counts as an error
 
@@ -31,14 +36,32 @@ def local(workers: int) -> Execute:
     if workers == 1:
         return here
 
+    parent = os.getpid()
+
     def execute(specs: Iterable[TrialSpec]) -> Iterator[TrialResult]:
         from joblib import Parallel, delayed, parallel_config
 
         with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
             pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="3*n_jobs")
-        yield from pool(delayed(work)(spec) for spec in specs)
+        yield from pool(delayed(_work_for)(parent, spec) for spec in specs)
 
     return execute
+
+
+def _work_for(parent: int, spec: TrialSpec) -> TrialResult:
+    """A trial in a process of this machine, which goes when its parent does: a killed campaign leaves none."""
+    _follow(parent)
+    return work(spec)
+
+
+@functools.cache
+def _follow(parent: int) -> None:
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK_FOR_PARENT)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def connect(address: str) -> Any:

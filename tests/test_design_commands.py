@@ -1,0 +1,128 @@
+"""`cmpc gait`, `cmpc walker` and `cmpc gains` as a user meets them."""
+
+import dataclasses
+import json
+import re
+
+import pytest
+from conftest import RABBIT
+
+from controller.design.requirements import Requirements
+from sim.cli import main
+from sim.commands.gait import REQUIREMENTS
+
+URDF = RABBIT / "rabbit.urdf"
+SLOW = 5.0  # [m/s] no biped walks
+
+
+def run(capsys, *argv):
+    code = main([str(word) for word in argv])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_flags_of_requirements_are_its_fields():
+    fields = {field.name for field in dataclasses.fields(Requirements)}
+    assert set(REQUIREMENTS) == fields - {"step_length", "speed"}
+
+
+def test_check_passes_the_polished_gait_and_fails_the_printed_one(capsys):
+    code, out, _ = run(capsys, "gait", "check", "paper-polished", "--json")
+    found = json.loads(out)
+    assert (code, found["passed"]) == (0, True)
+    assert found["periodicity"] <= 1e-8 and found["eigenvalues"][0] == pytest.approx(found["delta2"], abs=0.01)
+    code, out, _ = run(capsys, "gait", "check", RABBIT / "gaits" / "paper.toml")
+    assert code == 1 and "VIOLATED" in out
+
+
+def test_polish_then_plot(capsys, tmp_path):
+    file, picture = tmp_path / "p.toml", tmp_path / "p.png"
+    code, out, _ = run(capsys, "gait", "polish", "paper", "--out", file, "--plot", picture, "--json")
+    assert code == 0 and json.loads(out)["largest_change_rad"] <= 0.02
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_walker_from_its_urdf_to_its_walk(capsys, tmp_path):
+    folder = tmp_path / "mine"
+    code, out, _ = run(capsys, "walker", "new", folder, "--urdf", URDF)
+    assert code == 0 and "cmpc gait design" in out
+    code, out, _ = run(capsys, "walker", "check", folder)
+    assert code == 1 and "FAIL  gaits: none" in out
+    assert re.findall("FAIL", out) == ["FAIL"]
+    code, _, _ = run(capsys, "gait", "design", "--walker", folder, "--step-length", 0.4, "--step-time", 0.5, "--json")
+    assert code == 0
+    code, out, _ = run(capsys, "walker", "check", folder, "--steps", 5, "--json")
+    assert code == 0 and all(stage["holds"] for stage in json.loads(out)["stages"])
+
+
+def test_check_sees_models_that_disagree(capsys, tmp_path):
+    folder = tmp_path / "mine"
+    run(capsys, "walker", "new", folder, "--urdf", URDF)
+    mjcf = folder / "mine.xml"
+    mjcf.write_text(mjcf.read_text().replace('mass="12"', 'mass="12.1"'))
+    code, out, _ = run(capsys, "walker", "check", folder)
+    assert code == 1 and "FAIL  MJCF and URDF agree: mass matrix" in out
+
+
+BAD_URDF = {
+    "grams": ('mass value="12"', 'mass value="12000"', ["12000 kg", "grams", "legal"]),
+    "millimetres": ('origin xyz="0 0 0.4"', 'origin xyz="0 0 400"', ["400 m", "millimetres"]),
+    "inertia": ('iyy="1.33"', 'iyy="1330"', ["radius of gyration", "legal"]),
+    "another topology": ("right_knee", "right_ankle", ["right_ankle", "five-link", "legal"]),
+}
+
+
+@pytest.mark.parametrize("old, new, words", BAD_URDF.values(), ids=BAD_URDF.keys())
+def test_what_is_no_walker_is_refused(capsys, tmp_path, old, new, words):
+    path = tmp_path / "bad.urdf"
+    path.write_text(URDF.read_text().replace(old, new))
+    code, _, err = run(capsys, "walker", "new", tmp_path / "mine", "--urdf", path)
+    assert code == 2 and all(word in err for word in words), err
+    assert not (tmp_path / "mine").exists()
+
+
+BAD = {
+    "impossible speed": (["gait", "design", "--step-length", 0.4, "--speed", SLOW], ["misses by", "legal"]),
+    "neither speed nor time": (["gait", "design", "--step-length", 0.4], ["--speed", "--step-time"]),
+    "degree": (["gait", "design", "--step-length", 0.4, "--speed", 0.8, "--degree", 3], ["degree = 3", "4 to 10"]),
+    "friction nan": (["gait", "check", "paper", "--friction", "nan"], ["--friction", "finite"]),
+    "unknown subcommand": (["gait", "desing"], ["desing", "legal"]),
+    "gait of another walker": (["gait", "check", "L0.40-v0.80", "--walker", "rabbit-tac"], ["no such gait"]),
+    "folder exists": (["walker", "new", RABBIT, "--urdf", URDF], ["already exists"]),
+    "folder name": (["walker", "new", "Not A Name", "--urdf", URDF], ["Not A Name", "legal"]),
+    "no urdf": (["walker", "new", "x", "--urdf", "nowhere.urdf"], ["nowhere.urdf", "no such"]),
+    "gain of zero": (["gains", "search", "--kp", 0, 1, 1, 1, "--out", "g.toml"], ["--kp", "above 0"]),
+    "no evaluations": (["gains", "search", "--evaluations", 0, "--out", "g.toml"], ["--evaluations 0", "legal"]),
+}
+
+
+@pytest.mark.parametrize("argv, words", BAD.values(), ids=BAD.keys())
+def test_bad_input_is_one_line_and_code_2(capsys, tmp_path, monkeypatch, argv, words):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, *argv)
+    last = err.strip().splitlines()[-1]
+    assert code == 2 and last.startswith("cmpc: error:") and all(word in last for word in words), err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_gait_file_of_another_walker_is_refused(capsys):
+    path = RABBIT / "gaits" / "L0.40-v0.80.toml"
+    code, _, err = run(capsys, "gait", "check", path, "--walker", "rabbit-tac")
+    assert code == 2 and "fingerprint" in err and "cmpc gait design" in err
+
+
+def test_gain_search_resumes_and_writes_a_scenario(capsys, tmp_path):
+    out = tmp_path / "g.toml"
+    code, _, _ = run(capsys, "gains", "search", "--evaluations", 3, "--out", out)
+    record = out.with_suffix(".jsonl")
+    first = record.read_text()
+    assert code == 0
+    record.write_text(first + '{"gains": [1.0,')  # stopped in the middle of a line
+    code, text, err = run(capsys, "gains", "search", "--evaluations", 12, "--out", out, "--json")
+    assert code == 0 and "goes on" in err and record.read_text().startswith(first)
+    found = json.loads(text)
+    assert found["found"]["score"] <= found["start"]["score"]
+    code, text, _ = run(capsys, "run", out, "--steps", 2, "--no-log", "--json")
+    assert code == 0 and json.loads(text)["outcome"] == "completed"
+    code, _, err = run(capsys, "gains", "search", "--seed", 1, "--out", out)
+    assert code == 2 and "another search" in err
