@@ -86,25 +86,30 @@ def _reproduce(
     draw.require()
     store = tasks.Store(out / "tasks")
     effort = Effort(quick=quick, changes=changes)
-    modules = {name: importlib.import_module(f"sim.reproduce.{name}") for name in names}
+    modules = {name: importlib.import_module(f"sim.reproduce.{name}") for name in EXPERIMENTS}
     wanted = {name: module.tasks(effort) for name, module in modules.items()}
-    everything = {f"{name}:{key}": task for name, some in wanted.items() for key, task in some.items()}
-    open_tasks = {name: len(some) for name, some in wanted.items()}
+    everything = {f"{name}:{key}": task for name in names for key, task in wanted[name].items()}
+    open_tasks = {name: len(wanted[name]) for name in names}
     done: dict[str, Evaluation] = {}
+
+    def evaluate(name: str) -> Evaluation | None:
+        """What an experiment found, None if a result is missing."""
+        results = {key: store.get(task) for key, task in wanted[name].items()}
+        if None in results.values():
+            return None
+        found: Evaluation = modules[name].evaluate(results, effort)
+        return found
 
     def finished(task: str) -> None:
         name = task.partition(":")[0]
         open_tasks[name] -= 1
         if open_tasks[name]:
             return
-        results = {}
-        for key, item in wanted[name].items():
-            result = store.get(item)
-            if result is None:
-                raise UserError(f"{store.path(item)}: a result that was just written cannot be read")
-            results[key] = result
-        done[name] = modules[name].evaluate(results, effort)
-        report.write(name, done[name], out, quick=quick)
+        found = evaluate(name)
+        if found is None:
+            raise UserError(f"{store.folder}: a result of {name} that was just written cannot be read")
+        done[name] = found
+        report.write(name, found, out, quick=quick)
 
     with stop_on_signal() as stop, cost_bar("reproducing", quiet=silent) as show:
         try:
@@ -112,9 +117,13 @@ def _reproduce(
         except tasks.Stopped as reason:
             print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
             return 128 + stop.signum
-    ordered = {name: done[name] for name in names}
-    page = report.write_page(ordered, out, quick=quick)
-    _print_verdicts(ordered)
+    _print_verdicts({name: done[name] for name in names})
+    # The page has whatever is complete in the folder, not only what was asked for this time.
+    complete = {name: done.get(name) or evaluate(name) for name in EXPERIMENTS}
+    shown = {name: found for name, found in complete.items() if found is not None}
+    for name in shown.keys() - done.keys():
+        report.write(name, shown[name], out, quick=quick)
+    page = report.write_page(shown, out, quick=quick)
     print(f"\npage: {page}\ndata: {out / 'data'}", flush=True)
     return 0
 

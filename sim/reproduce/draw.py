@@ -70,6 +70,8 @@ def draw(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:
 
 def _lines(ax: Any, panel: LinePanel) -> list[Any]:
     """Draw; returns what belongs into the legend."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     for span in panel.spans:
         ax.axvspan(span.x0, span.x1, color="#e6e6e0", zorder=0, linewidth=0)
         ax.annotate(
@@ -110,6 +112,9 @@ def _lines(ax: Any, panel: LinePanel) -> list[Any]:
             handles.append(line)
     if panel.log_x:
         ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
     if panel.y_range:
         ax.set_ylim(*panel.y_range)
     if panel.equal:

@@ -77,7 +77,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 y = run["y"][between(run, PUSHED, last)]
                 values.append(float(np.abs(y).max()) if statistic == "peak" else rms(y))
             text = f"{values[0]:.4f} against {values[1]:.4f} rad"
-            text += "" if last == STEPS else f", steps {PUSHED} to {last}, before the fall"
+            if last < STEPS:
+                text += f", up to step {last}: then one falls"
             return Finding(text=text, holds=values[0] < values[1])
 
         return Verdict.of(f"C-MPC's {statistic} deviation from the push on is smaller", "much smaller", judge)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sim.reproduce.panels import CONTROLLER_STYLES, LinePanel, Series
+from sim.reproduce.panels import CONTROLLER_STYLES, Level, LinePanel, Series
 from sim.reproduce.study import (
     CONTROLLER_NAMES,
     CONTROLLERS,
@@ -107,6 +107,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 x_label="length of the ramp [m]",
                 y_label="steepest slope survived [deg]",
                 series=tuple(lines),
+                levels=(Level(y=0.0, name="level"),),
             )
         )
         tables[f"slopes-{plant}"] = {
