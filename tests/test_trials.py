@@ -18,8 +18,9 @@ from sim.errors import UserError
 from sim.trials import TrialSpec, run_plan, run_trial
 from sim.trials.plan import Plan, differences, from_toml, load_plan, shipped_names, to_toml
 from sim.trials.recall import stored_scenario
+from sim.trials.result import TrialResult, result_without_times
 from sim.trials.store import FILE, Store
-from sim.trials.trial import TrialResult, result_without_times, trial_scenario, trial_seed
+from sim.trials.trial import trial_scenario, trial_seed
 
 PLAN = """
 name = "small"

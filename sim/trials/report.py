@@ -18,9 +18,9 @@ from sim.trials.grid import GridStudy, boundary, lines
 from sim.trials.margin import MarginStudy
 from sim.trials.montecarlo import MonteCarloStudy
 from sim.trials.plan import to_toml
+from sim.trials.result import TrialResult
 from sim.trials.summary import side_words
 from sim.trials.svg import COLOURS
-from sim.trials.trial import TrialResult
 
 MOST_FALLS = 100  # rows of the list of falls
 MOST_CURVES = 9  # survival curves of a Monte-Carlo study
