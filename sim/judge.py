@@ -10,14 +10,20 @@ SETTLING = 0.02  # [s] after an impact, in which contact forces are those of the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FallCriteria:
-    """When a run counts as a fall.
+    """When a run counts as a fall, and when a landing counts as a step.
+
+    A foot that scuffs past the other touches the ground a little ahead of it, and a walker that tumbles forward
+    does so with both feet in turn, ten times a second: neither is a step.
 
     Attributes:
+        step_length: Least distance ahead of the stance foot at which a landing is a step in [m]; a quarter of
+            the gait's.
         hip_height: Least height of the hip above the lower foot in [m].
         torso_tilt: Largest absolute torso angle in [rad].
         stall_time: Longest time without a step in [s].
     """
 
+    step_length: float = 0.1
     hip_height: float = 0.45
     torso_tilt: float = 1.2
     stall_time: float = 2.0
@@ -45,8 +51,8 @@ class TouchDown:
 class Judge:
     """Counts steps and looks for falls, tick by tick.
 
-    A step is completed when the swing foot touches the ground ahead of the stance foot; the feet then change
-    roles. What the controller believes plays no part.
+    A step is completed when the swing foot touches the ground far enough ahead of the stance foot; the feet then
+    change roles. What the controller believes plays no part.
     """
 
     def __init__(self, stance: str, criteria: FallCriteria | None = None) -> None:
@@ -71,7 +77,7 @@ class Judge:
         if not state.contact[swing]:
             return None
         length = float(state.foot[swing, 0] - state.foot[self._stance, 0])
-        if length <= 0.0:
+        if length < self.criteria.step_length:
             return None
         self._stance = swing
         self.steps += 1

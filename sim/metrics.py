@@ -103,7 +103,7 @@ class Metrics:
         """Add up how far the stance foot moves along the ground while it touches it."""
         if self._start_x is None:
             self._start_x = float(state.hip[0])
-        x = float(state.foot[stance, 0])
+        x = state.foot.item(stance, 0)
         if self._stance_foot is not None and self._stance_foot[0] == stance and state.contact[stance]:
             self.slip += abs(x - self._stance_foot[1])
         self._stance_foot = (stance, x)

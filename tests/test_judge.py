@@ -97,3 +97,10 @@ def test_criteria_can_be_others():
     strict = Judge("right", FallCriteria(hip_height=0.8))
     assert strict.fall(plant_state())[0] is FallReason.HIP_LOW
     assert strict.stance == 1
+
+
+def test_a_foot_that_scuffs_just_ahead_is_no_step_until_it_lands(judge):
+    """Past the stance foot by a centimetre it has only scuffed; the same foot then lands, and that is the step."""
+    assert judge.touch_down(landed(0.3, np.array([[0.0, 0.0], [judge.criteria.step_length / 10, 0.0]]))) is None
+    assert judge.stance == 0 and judge.last_impact == 0.0
+    assert judge.touch_down(landed(0.5)).duration == pytest.approx(0.5)

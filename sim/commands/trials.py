@@ -103,6 +103,7 @@ def _run(found: Namespace) -> int:
         results.store.close()
         return 128 + stop.signum if stop.signum else 1
     _finish(results, out)
+    results.store.close()
     return 0
 
 

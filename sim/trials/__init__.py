@@ -2,6 +2,7 @@
 
 from sim.trials.campaign import run_plan
 from sim.trials.plan import Plan, load_plan
-from sim.trials.trial import TrialResult, TrialSpec, run_trial
+from sim.trials.result import TrialResult
+from sim.trials.trial import TrialSpec, run_trial
 
 __all__ = ["Plan", "TrialResult", "TrialSpec", "load_plan", "run_plan", "run_trial"]

@@ -15,8 +15,9 @@ from sim.errors import UserError
 from sim.trials import workers as pools
 from sim.trials.margin import MarginStudy, next_positions
 from sim.trials.plan import Plan, differences
+from sim.trials.result import TrialResult
 from sim.trials.store import FILE, LOGS, Store, locked, set_aside
-from sim.trials.trial import TrialResult, TrialSpec
+from sim.trials.trial import TrialSpec
 
 MOST_DIFFERENCES = 5  # shown when a plan has changed
 MOST_CRASHES = 3  # times in a row a pool of processes may break

@@ -10,7 +10,7 @@ from sim.trials.campaign import Results
 from sim.trials.grid import GridStudy
 from sim.trials.margin import Margin, MarginAxis, MarginStudy, margin
 from sim.trials.montecarlo import MonteCarloStudy
-from sim.trials.trial import TrialResult
+from sim.trials.result import TrialResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from sim.trials.axis import Value, label
 from sim.trials.findings import RandomFindings, Side
 from sim.trials.grid import GridAxis
+from sim.trials.result import TrialResult
 from sim.trials.stats import Attribution, wilson
 from sim.trials.svg import COLOURS, FELL, GREY, INK, LIGHT, SURVIVED, element, picture, titled
 from sim.trials.svg import label as text
-from sim.trials.trial import TrialResult
 
 BAR = 11.0  # height of a bar
 

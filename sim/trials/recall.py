@@ -6,8 +6,9 @@ from pathlib import Path
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan import Plan
+from sim.trials.result import TrialResult
 from sim.trials.store import FILE, Store
-from sim.trials.trial import TrialResult, trial_scenario
+from sim.trials.trial import trial_scenario
 
 
 def split_id(text: str, plan: Plan) -> tuple[str, int]:

@@ -18,9 +18,9 @@ from sim.trials.grid import GridStudy, boundary, lines
 from sim.trials.margin import MarginStudy
 from sim.trials.montecarlo import MonteCarloStudy
 from sim.trials.plan import to_toml
+from sim.trials.result import TrialResult
 from sim.trials.summary import side_words
 from sim.trials.svg import COLOURS
-from sim.trials.trial import TrialResult
 
 MOST_FALLS = 100  # rows of the list of falls
 MOST_CURVES = 9  # survival curves of a Monte-Carlo study
@@ -118,10 +118,10 @@ def _page(results: Results) -> Iterator[str]:
 def _criteria(results: Results) -> str:
     c, steps, limit = FallCriteria(), results.plan.scenario.steps, results.plan.scenario.end_time
     return (
-        f"A trial survives when {steps} steps are completed. It falls when the hip is less than {c.hip_height:g} m "
-        f"above the lower foot, the torso tilts beyond {c.torso_tilt:g} rad, a link other than a foot touches the "
-        f"ground, no step comes for {c.stall_time:g} s, the state is not finite, or {limit:g} s "
-        "of simulated time are over. The controller knows nothing of what is varied."
+        f"A trial survives when {steps} steps of at least {c.step_length:g} m are completed. It falls when the hip "
+        f"is less than {c.hip_height:g} m above the lower foot, the torso tilts beyond {c.torso_tilt:g} rad, a link "
+        f"other than a foot touches the ground, no step comes for {c.stall_time:g} s, the state is not finite, or "
+        f"{limit:g} s of simulated time are over. The controller knows nothing of what is varied."
     )
 
 

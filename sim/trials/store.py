@@ -19,7 +19,7 @@ from typing import Any, Self
 from sim.errors import UserError
 from sim.trials import plan as plans
 from sim.trials.plan import Plan
-from sim.trials.trial import TrialResult
+from sim.trials.result import TrialResult
 
 VERSION = 1
 """Version of the tables. A newer one than this is refused."""

@@ -7,7 +7,7 @@ from sim.trials.campaign import Results
 from sim.trials.findings import Side, grid_rows, random_findings, sides, weakest
 from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy
-from sim.trials.trial import TrialResult
+from sim.trials.result import TrialResult
 
 _UNITS = {"_Nm": " N.m", "_N": " N", "_m_s": " m/s", "_ms": " ms", "_s": " s", "_m": " m", "_rad": " rad"}
 

@@ -1,7 +1,7 @@
 """One trial: a pure function of plan, controller and index."""
 
-import dataclasses
 import errno
+import functools
 import json
 import math
 import os
@@ -9,7 +9,6 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,10 +22,9 @@ from sim.trials.axis import Value, changes, label, scenario_at
 from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy
 from sim.trials.plan import Plan
+from sim.trials.result import TrialResult
 
-TIMING = ("wall_s", "solve_median_ms", "solve_p99_ms", "solve_max_ms", "tick_median_ms")
-"""Fields of a result that differ from run to run; all others depend on plan, controller and index alone."""
-
+WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
 LONGEST_MESSAGE = 300  # characters of an exception that a result keeps
 
 
@@ -45,92 +43,6 @@ class TrialSpec:
     controller: str
     index: int
     logs: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrialResult:
-    """What came of a trial; a row of the results database.
-
-    Attributes:
-        controller: Kind of controller.
-        trial: Number of the trial.
-        study: Name of its study.
-        values: Values of the study's axes by name, as JSON.
-        seed: Seed of the scenario.
-        outcome: Value of `sim.outcome.Outcome`; "error" for an exception or a trial given up.
-        survived: Whether the steps asked for were completed: no fall, no NaN, no error.
-        reason: Why it fell.
-        message: Detail of an error.
-        steps: Completed steps.
-        ticks: Control ticks.
-        time_s: Simulated time in [s]; of the fall, if it fell.
-        speed_m_s: Mean forward speed in [m/s].
-        step_time_s: Mean step time in [s].
-        step_length_m: Mean step length in [m].
-        peak_torque_Nm: Largest applied torque of any joint in [N.m].
-        peak_torque_ratio: Largest share of a joint's limit that was applied.
-        rms_torque_Nm: RMS of all joint torques in [N.m].
-        error_rms_rad: RMS of the outputs in [rad].
-        friction_max: Worst |F_T/F_N| of the stance foot.
-        slip_m: Distance the stance foot slid in [m].
-        fallbacks: Ticks in which the controller fell back.
-        slack_max_N: Largest softening of a contact-force row in [N].
-        state_digest: Fingerprint of the last state.
-        solve_median_ms: Median solver time in [ms].
-        solve_p99_ms: Its 99 % quantile.
-        solve_max_ms: Its maximum.
-        tick_median_ms: Median controller time in [ms].
-        wall_s: Wall time of the trial in [s].
-        log: Name of the log in the results' folder, empty if none was kept.
-    """
-
-    controller: str
-    trial: int
-    study: str
-    values: str
-    seed: int
-    outcome: str
-    survived: bool
-    reason: str = ""
-    message: str = ""
-    steps: int = 0
-    ticks: int = 0
-    time_s: float = 0.0
-    speed_m_s: float | None = None
-    step_time_s: float | None = None
-    step_length_m: float | None = None
-    peak_torque_Nm: float | None = None
-    peak_torque_ratio: float | None = None
-    rms_torque_Nm: float | None = None
-    error_rms_rad: float | None = None
-    friction_max: float | None = None
-    slip_m: float | None = None
-    fallbacks: int = 0
-    slack_max_N: float = 0.0
-    state_digest: str = ""
-    solve_median_ms: float | None = None
-    solve_p99_ms: float | None = None
-    solve_max_ms: float | None = None
-    tick_median_ms: float | None = None
-    wall_s: float = 0.0
-    log: str = ""
-
-    @property
-    def axis_values(self) -> Mapping[str, Value]:
-        """Values of the study's axes by name."""
-        found: dict[str, Value] = json.loads(self.values)
-        return found
-
-    @property
-    def why(self) -> str:
-        """Why it did not survive, empty if it did."""
-        return "" if self.survived else self.reason or self.message or self.outcome
-
-
-def result_without_times(result: TrialResult) -> TrialResult:
-    """The part of a result that is a pure function of plan, controller and index."""
-    blank: dict[str, Any] = dict.fromkeys(TIMING, None) | {"wall_s": 0.0}
-    return dataclasses.replace(result, **blank)
 
 
 def axis_values(plan: Plan, index: int) -> tuple[str, dict[str, Value], dict[str, Any]]:
@@ -206,6 +118,8 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         study, found, _ = axis_values(plan, index)
         values = json.dumps(found)
         scenario = trial_scenario(plan, spec.controller, index)
+        _warm_up(scenario.walker, scenario.gait, scenario.controller.kind, scenario.controller.solver)
+        began = time.perf_counter()
         summary, log = _run(scenario, spec, began + plan.wall_limit)
     except Exception as error:
         if _disk_full(error):
@@ -225,6 +139,16 @@ def _disk_full(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
+
+
+@functools.cache
+def _warm_up(walker: str, gait: str, kind: str, solver: str) -> None:
+    """One step under a push, once a process, so that compiling the controller is not on a trial's clock."""
+    from sim.compose import known_belief, run_scenario
+
+    changes = {"walker": walker, "gait": gait, "controller.kind": kind, "controller.solver": solver, "steps": 1}
+    push = {"pushes.0.force": WARM_UP_PUSH, "pushes.0.step": 1}
+    run_scenario(scenario_at(Scenario(), changes | push), belief=known_belief(walker, gait))
 
 
 def _run(scenario: Scenario, spec: TrialSpec, deadline: float) -> tuple[RunSummary, str]:

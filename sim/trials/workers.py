@@ -11,7 +11,8 @@ from typing import Any
 
 from sim import provenance
 from sim.errors import UserError
-from sim.trials.trial import LONGEST_MESSAGE, TrialResult, TrialSpec, axis_values, run_trial, trial_seed, work
+from sim.trials.result import TrialResult
+from sim.trials.trial import LONGEST_MESSAGE, TrialSpec, axis_values, run_trial, trial_seed, work
 
 Execute = Callable[[Iterable[TrialSpec]], Iterator[TrialResult]]
 """Runs trials and yields their results in any order."""
