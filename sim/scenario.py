@@ -88,12 +88,49 @@ class LtvSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ClfSettings:
+    """Tuning of clf-qp; the other controllers do not read it.
+
+    Attributes:
+        epsilon: The Lyapunov function's epsilon; the smaller, the faster the outputs converge.
+        output: Weight on the outputs y in its Riccati equation.
+        output_rate: Weight on their rates there.
+        penalty: Weight on a decay slower than guaranteed.
+        force_penalty: Weight on contact forces beyond their limits.
+    """
+
+    epsilon: Annotated[Ratio, POSITIVE] = 0.1
+    output: Annotated[float, Unit("1/rad^2"), POSITIVE] = 1.0
+    output_rate: Annotated[float, Unit("s^2/rad^2"), POSITIVE] = 1.0
+    penalty: Annotated[float, POSITIVE] = 1e3
+    force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputMpcSettings:
+    """Tuning of output-mpc; the other controllers do not read it.
+
+    Attributes:
+        stages: Prediction horizon.
+        stage_time: Length of a stage.
+        output: Weight on the outputs y.
+        output_rate: Weight on their rates.
+    """
+
+    stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 10
+    stage_time: Annotated[Second, POSITIVE] = 5e-3
+    output: Annotated[float, Unit("1/s^4"), POSITIVE] = 8100.0
+    output_rate: Annotated[float, Unit("1/s^2"), NOT_NEGATIVE] = 220.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
     """The controller and its beliefs; joint gains are ordered stance hip, swing hip, stance knee, swing knee.
 
     Attributes:
         kind: Control law: the paper's cascade (ZD+PD inside an MPC), ZD+PD alone, or a cascade with an MPC that
-            linearises the closed loop through impacts and minds the clock's rate.
+            linearises the closed loop through impacts and minds the clock's rate; or a rival: a control Lyapunov
+            function held by a QP, or MPC of the linearised outputs.
         kp: Proportional gains K_P of the outputs.
         kd: Derivative gains K_D of the outputs.
         horizon: Prediction horizon N.
@@ -103,9 +140,11 @@ class ControllerSettings:
         normal_force_min: Lower bound on the stance foot's normal force.
         solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
         ltv: Prediction and cost of c-mpc-ltv.
+        clf: Tuning of clf-qp.
+        output_mpc: Tuning of output-mpc.
     """
 
-    kind: Literal["c-mpc", "zd-pd", "c-mpc-ltv"] = "c-mpc"
+    kind: Literal["c-mpc", "zd-pd", "c-mpc-ltv", "clf-qp", "output-mpc"] = "c-mpc"
     kp: Annotated[Four, Unit("1/s^2"), NOT_NEGATIVE] = (60.0, 90.0, 90.0, 50.0)
     kd: Annotated[Four, Unit("1/s"), NOT_NEGATIVE] = (10.0, 20.0, 20.0, 10.0)
     horizon: Annotated[int, Unit("ticks"), AT_LEAST_ONE] = 100
@@ -115,6 +154,8 @@ class ControllerSettings:
     normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0
     solver: str = "riccati"
     ltv: LtvSettings = dataclasses.field(default_factory=LtvSettings)
+    clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
+    output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

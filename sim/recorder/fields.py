@@ -24,6 +24,7 @@ LEGS = ("left", "right")
 
 STATUSES = (
     "other", "zd-pd", "optimal", "no-solution", "solver-error", "second-solver", "prediction-diverged", "suboptimal",
+    "relaxed",
 )  # fmt: skip
 """Code of a status -> `ControlStep.status`. A status not listed here is logged as "other", its text as an
 event. Codes are part of the file format: append, never reorder."""

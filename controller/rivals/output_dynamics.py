@@ -1,0 +1,84 @@
+"""The dynamics of the outputs, which both rivals control in place of the walker's: ddy = L_f^2 h + L_g L_f h u."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller import kernels
+from controller.gait import Gait
+from controller.kernels import Array, GaitTable, Walker, compiled
+from controller.model import WalkerModel
+from controller.records import Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OutputDynamics:
+    """Eq. (6) at one state, and the stance force that goes with it; stance order.
+
+    Attributes:
+        theta: Clock in [rad].
+        dtheta: Its rate in [rad/s].
+        y: Outputs in [rad], (4,).
+        dy: Their rates in [rad/s], (4,).
+        drift: L_f^2 h in [rad/s^2], (4,).
+        decoupling: L_g L_f h in [rad/s^2/(N.m)], (4, 4).
+        force: Stance force under no torque, (tangential, normal) in [N], (2,).
+        force_per_torque: Its change per torque in [1/m], (2, 4).
+    """
+
+    theta: float
+    dtheta: float
+    y: Vector
+    dy: Vector
+    drift: Vector
+    decoupling: Vector
+    force: Vector
+    force_per_torque: Vector
+
+    def torque(self, v: Vector) -> Vector:
+        """The torque in [N.m], (4,), that makes ddy = v in [rad/s^2], (4,); Eq. (7)."""
+        return np.linalg.solve(self.decoupling, v - self.drift)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether a controller can go on from here: no number overflowed."""
+        return bool(np.isfinite(self.drift).all() and np.isfinite(self.decoupling).all())
+
+
+def output_dynamics(model: WalkerModel, gait: Gait, q: Vector, dq: Vector) -> OutputDynamics:
+    """Eq. (6) at a state.
+
+    Args:
+        model: The walker believed in.
+        gait: The outputs.
+        q: Coordinates in [rad], (5,).
+        dq: Rates in [rad/s], (5,).
+    """
+    theta, dtheta, y, dy, h1, h2, ddq, per_torque, force, force_per_torque = _at(model.lumped, gait.table, q, dq)
+    dh_dq = np.eye(4, 5) - np.outer(h1, gait.clock)  # h_0 is the actuated coordinates themselves
+    return OutputDynamics(
+        theta=theta,
+        dtheta=dtheta,
+        y=y,
+        dy=dy,
+        drift=dh_dq @ ddq - h2 * dtheta**2,
+        decoupling=dh_dq @ per_torque.T,
+        force=force,
+        force_per_torque=force_per_torque,
+    )
+
+
+@compiled
+def _at(  # type: ignore[no-untyped-def]
+    walker: Walker, gait: GaitTable, q: Array, dq: Array
+):
+    """Clock and rate, y, dy, h_d', h_d'', ddq without torque, (D^-1 B)', stance force, and that per torque."""
+    stage = kernels.new_stage()
+    force, force_per_torque = np.empty(2), np.empty((2, 4))
+    kernels.place(q, dq, stage)
+    theta, dtheta = kernels.outputs(gait, q, dq, stage)
+    kernels.accelerate(walker, dq, np.zeros(4), stage)
+    kernels.responses(stage)
+    kernels.stance_force(walker, stage, force)
+    kernels.stance_force_per_torque(walker, stage, force_per_torque)
+    return theta, dtheta, stage.y, stage.dy, stage.h1, stage.h2, stage.ddq, stage.BtDinv, force, force_per_torque
