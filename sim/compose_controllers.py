@@ -140,5 +140,12 @@ def _rival(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -
         )
     else:
         mpc = settings.output_mpc
-        law = OutputMpc(N=mpc.stages, T=mpc.stage_time, output=mpc.output, output_rate=mpc.output_rate, limit=limit)
+        law = OutputMpc(
+            N=mpc.stages,
+            T=mpc.stage_time,
+            output=mpc.output,
+            output_rate=mpc.output_rate,
+            limit=limit,
+            period=settings.period,
+        )
     return OutputController(belief.model, belief.gait, gains, law)

@@ -31,7 +31,7 @@ from controller.rivals.output_dynamics import OutputDynamics
 
 F = np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(4))
 G = np.kron([[0.0], [1.0]], np.eye(4))
-HELD = 0.99  # share of the guaranteed decay from which on it counts as held; delta is never quite 0
+HELD = 0.99  # share of the guaranteed decay from which on it counts as held
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,7 +80,7 @@ class ClfQp:
             lyapunov: V.
             penalty: p on delta^2.
             limit: Torque limits in [N.m], (4,).
-            friction: Contact-force limits, softened as in the cascades; None to leave their rows out, as the paper does.
+            friction: Contact-force limits, softened as in the cascades; None to leave them out, as the paper does.
         """
         self.lyapunov, self.penalty, self.limit, self.friction = lyapunov, penalty, limit, friction
 
@@ -90,14 +90,13 @@ class ClfQp:
         mu, delta, softening = answer.x[:4], answer.x[4], answer.x[5:]
         eta = np.concatenate([dynamics.y, dynamics.dy])
         wanted = self.lyapunov.rate * self.lyapunov.value(eta)
-        return Decision(
+        # Alone, the row of psi is relaxed too, by a little: p is finite.
+        relaxed = answer.active > 1 and delta > (1.0 - HELD) * wanted
+        return Decision.of(
+            answer,
             v=mu,
-            found=answer.found,
-            status="optimal" if delta <= (1.0 - HELD) * wanted + 1e-9 else "relaxed",
-            residuals=answer.residuals,
+            status="relaxed" if relaxed else "optimal",
             slack=float(softening.max(initial=0.0)),
-            active=answer.active,
-            solve_s=answer.solve_s,
         )
 
     def problem(self, dynamics: OutputDynamics) -> qpsolvers.Problem:

@@ -13,6 +13,7 @@ from controller.gait import Gait
 from controller.kernels import Gains
 from controller.model import WalkerModel
 from controller.records import ControlStep, Observation, Plan, Vector
+from controller.rivals.dense_qp import Answer
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics
 from controller.stance import StanceEstimator
 
@@ -24,7 +25,7 @@ class Decision:
     Attributes:
         v: Output acceleration in [rad/s^2], (4,).
         found: Whether `v` may be used; look here first.
-        status: "optimal", or "relaxed" where the torque limits contradicted what was asked for.
+        status: "optimal", "relaxed" where the limits left no way to what was asked for, or why there is no v.
         residuals: Of the solved problem, (3,).
         slack: Largest softening of a contact-force row in [N].
         active: Active constraints.
@@ -40,6 +41,34 @@ class Decision:
     active: int
     solve_s: float
     plan: Plan | None = None
+
+    @classmethod
+    def of(
+        cls, answer: Answer, *, v: Vector, status: str = "optimal", slack: float = 0.0, plan: Plan | None = None
+    ) -> "Decision":
+        """The decision that rests on a QP's answer."""
+        return cls(
+            v=v,
+            found=answer.found,
+            status=status if answer.found else "no-solution",
+            residuals=answer.residuals,
+            slack=slack,
+            active=answer.active,
+            solve_s=answer.solve_s,
+            plan=plan,
+        )
+
+
+DIVERGED = Decision(
+    v=np.zeros(4),
+    found=False,
+    status="prediction-diverged",
+    residuals=np.full(3, np.inf),
+    slack=0.0,
+    active=0,
+    solve_s=0.0,
+)
+"""Where the state is so far out that the output dynamics overflow."""
 
 
 class Law(Protocol):
@@ -72,14 +101,12 @@ class OutputController:
         """One tick."""
         state = self.stance.update(observation)
         dynamics = output_dynamics(self.model, self.gait, state.q, state.dq)
-        decision = self.law.decide(dynamics)
+        decision = self.law.decide(dynamics) if dynamics.is_finite else DIVERGED
+        zd_pd = -self.gains.kd * dynamics.dy - self.gains.kp * dynamics.y  # Eq. (9), the one fall-back policy
         u_star = dynamics.torque(np.zeros(4))
         limit = self.model.torque_limits
-        if decision.found:
-            v = decision.v
-        else:
-            v = -self.gains.kd * dynamics.dy - self.gains.kp * dynamics.y
-        u_total = np.clip(dynamics.torque(v), -limit, limit)
+        # A law keeps to the limits up to rounding; the fall-back does not know them.
+        u_total = np.clip(dynamics.torque(decision.v if decision.found else zd_pd), -limit, limit)
         return ControlStep(
             stance=state.leg.value,
             u_zd=state.leg.from_body(u_star),
@@ -92,7 +119,7 @@ class OutputController:
             s=self.gait.normalised(dynamics.theta),
             contact_force=dynamics.force + dynamics.force_per_torque @ u_total,
             impact_in=-1,
-            status=decision.status if decision.found else "no-solution",
+            status=decision.status,
             fallback=not decision.found,
             iterations=0,
             residuals=decision.residuals,

@@ -37,11 +37,11 @@ class OutputDynamics:
 
     def torque(self, v: Vector) -> Vector:
         """The torque in [N.m], (4,), that makes ddy = v in [rad/s^2], (4,); Eq. (7)."""
-        return np.linalg.solve(self.decoupling, v - self.drift)
+        return np.linalg.solve(self.decoupling, v - self.drift).astype(float)
 
     @property
     def is_finite(self) -> bool:
-        """Whether a controller can go on from here: no number overflowed."""
+        """Whether no number has overflowed."""
         return bool(np.isfinite(self.drift).all() and np.isfinite(self.decoupling).all())
 
 
