@@ -133,7 +133,7 @@ def _rival(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -
         clf = settings.clf
         friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=clf.force_penalty)
         law = ClfQp(
-            Lyapunov.rapid(epsilon=clf.epsilon, output=clf.output, output_rate=clf.output_rate),
+            Lyapunov.rapid(clf.epsilon),
             penalty=clf.penalty,
             limit=limit,
             friction=friction if settings.friction_rows else None,

@@ -27,6 +27,7 @@ from sim.units import (
     POSITIVE,
     Newton,
     Radian,
+    Range,
     Ratio,
     Second,
     Unit,
@@ -52,6 +53,8 @@ DEFAULT = "push-25N"
 Body = Literal["torso", "left_femur", "left_tibia", "right_femur", "right_tibia"]
 Four = tuple[float, float, float, float]
 Five = tuple[float, float, float, float, float]
+
+QP_WEIGHT = Range(low=1e-4, high=1e4, words="between 1e-4 and 1e4")  # a dense solver has sixteen digits to share
 
 TIME_PER_STEP = 2.0  # [s] of simulated time allowed for each step when no limit is given
 
@@ -93,17 +96,13 @@ class ClfSettings:
 
     Attributes:
         epsilon: The Lyapunov function's epsilon; the smaller, the faster the outputs converge.
-        output: Weight on the outputs y in its Riccati equation.
-        output_rate: Weight on their rates there.
-        penalty: Weight on a decay slower than guaranteed.
+        penalty: Weight on missing its guaranteed decay.
         force_penalty: Weight on contact forces beyond their limits.
     """
 
-    epsilon: Annotated[Ratio, POSITIVE] = 0.1
-    output: Annotated[float, Unit("1/rad^2"), POSITIVE] = 1.0
-    output_rate: Annotated[float, Unit("s^2/rad^2"), POSITIVE] = 1.0
-    penalty: Annotated[float, POSITIVE] = 1e3
-    force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
+    epsilon: Annotated[Ratio, Range(low=1e-3, words="1e-3 or above")] = 0.01
+    penalty: Annotated[float, QP_WEIGHT] = 10.0
+    force_penalty: Annotated[float, Unit("1/N^2"), QP_WEIGHT] = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,10 +116,10 @@ class OutputMpcSettings:
         output_rate: Weight on their rates.
     """
 
-    stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 10
-    stage_time: Annotated[Second, POSITIVE] = 5e-3
-    output: Annotated[float, Unit("1/s^4"), POSITIVE] = 8100.0
-    output_rate: Annotated[float, Unit("1/s^2"), NOT_NEGATIVE] = 220.0
+    stages: Annotated[int, Unit("stages"), Range(low=1, high=100, words="from 1 to 100")] = 10
+    stage_time: Annotated[Second, Range(low=1e-4, high=0.1, words="between 1e-4 and 0.1")] = 5e-3
+    output: Annotated[float, Unit("1/s^4"), Range(low=1.0, high=1e8, words="between 1 and 1e8")] = 8100.0
+    output_rate: Annotated[float, Unit("1/s^2"), Range(low=0.0, high=1e8, words="between 0 and 1e8")] = 220.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,8 @@ the outputs eta = (y, dy) obey
 
     deta = F eta + G mu,  F = [0 I; 0 0],  G = [0; I].
 
-P solves F'P + PF - PGG'P + Q = 0. Then V(eta) = eta' P_e eta with P_e = diag(I/e, I) P diag(I/e, I) falls at least as
-exp(-gamma t / e), gamma = lambda_min(Q) / lambda_max(P), under any mu with psi_0 + psi_1 mu <= 0, where
+P solves F'P + PF - PGG'P + Q = 0, here with Q = I. Then V(eta) = eta' P_e eta with P_e = diag(I/e, I) P diag(I/e, I)
+falls at least as exp(-gamma t/e), gamma = lambda_min(Q) / lambda_max(P), under any mu with psi_0 + psi_1 mu <= 0, where
 
     psi_0 = eta' (F'P_e + P_e F) eta + gamma/e V,  psi_1 = 2 eta' P_e G,
 
@@ -47,17 +47,10 @@ class Lyapunov:
     rate: float
 
     @classmethod
-    def rapid(cls, *, epsilon: float, output: float, output_rate: float) -> "Lyapunov":
-        """The RES-CLF of Q = diag(output I, output_rate I).
-
-        Args:
-            epsilon: e; the smaller, the faster.
-            output: Weight on y.
-            output_rate: Weight on dy.
-        """
-        Q = np.diag([output] * 4 + [output_rate] * 4)
-        P = solve_continuous_are(F, G, Q, np.eye(4))
-        gamma = np.linalg.eigvalsh(Q).min() / np.linalg.eigvalsh(P).max()
+    def rapid(cls, epsilon: float) -> "Lyapunov":
+        """The RES-CLF of Q = I; the smaller epsilon, the faster."""
+        P = solve_continuous_are(F, G, np.eye(8), np.eye(4))
+        gamma = 1.0 / np.linalg.eigvalsh(P).max()
         fast = np.diag([1.0 / epsilon] * 4 + [1.0] * 4)
         return cls(P=fast @ P @ fast, rate=float(gamma / epsilon))
 

@@ -9,6 +9,7 @@ import qpsolvers
 from controller.records import Vector
 
 SOLVER = "daqp"
+FEASIBLE = 1e-3  # largest violation of a constraint, in its unit, by an answer that may be used
 ACTIVE = 1e-9  # multiplier from which on a constraint counts as active
 
 
@@ -41,14 +42,16 @@ def solve(problem: qpsolvers.Problem, solver: str = SOLVER) -> Answer:
     started = time.perf_counter()
     result = qpsolvers.solve_problem(problem, solver)
     elapsed = time.perf_counter() - started
+    residuals = np.array([result.primal_residual(), result.dual_residual(), result.duality_gap()])
+    # An active-set method may stop at a point it takes for feasible when the weights are too far apart.
     x = result.x
-    if not result.found or x is None or not np.isfinite(x).all():
+    if x is None or not result.found or not residuals[0] <= FEASIBLE:
         return Answer(found=False, x=np.zeros(problem.q.shape), residuals=np.full(3, np.inf), active=0, solve_s=elapsed)
     multipliers = [z for z in (result.z, result.z_box) if z is not None]
     return Answer(
         found=True,
         x=x,
-        residuals=np.array([result.primal_residual(), result.dual_residual(), result.duality_gap()]),
+        residuals=residuals,
         active=sum(int(np.count_nonzero(np.abs(z) > ACTIVE)) for z in multipliers),
         solve_s=elapsed,
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from controller import kernels
 from controller.gait import Gait
-from controller.kernels import Array, GaitTable, Walker, compiled
+from controller.kernels import compiled
 from controller.model import WalkerModel
 from controller.records import Vector
 
@@ -54,31 +54,35 @@ def output_dynamics(model: WalkerModel, gait: Gait, q: Vector, dq: Vector) -> Ou
         q: Coordinates in [rad], (5,).
         dq: Rates in [rad/s], (5,).
     """
-    theta, dtheta, y, dy, h1, h2, ddq, per_torque, force, force_per_torque = _at(model.lumped, gait.table, q, dq)
-    dh_dq = np.eye(4, 5) - np.outer(h1, gait.clock)  # h_0 is the actuated coordinates themselves
+    theta, dtheta, y, dy, drift, decoupling, force, force_per_torque = _at(model.lumped, gait.table, q, dq)
     return OutputDynamics(
         theta=theta,
         dtheta=dtheta,
         y=y,
         dy=dy,
-        drift=dh_dq @ ddq - h2 * dtheta**2,
-        decoupling=dh_dq @ per_torque.T,
+        drift=drift,
+        decoupling=decoupling,
         force=force,
         force_per_torque=force_per_torque,
     )
 
 
 @compiled
-def _at(  # type: ignore[no-untyped-def]
-    walker: Walker, gait: GaitTable, q: Array, dq: Array
-):
-    """Clock and rate, y, dy, h_d', h_d'', ddq without torque, (D^-1 B)', stance force, and that per torque."""
+def _at(walker, gait, q, dq):  # type: ignore[no-untyped-def]
+    """The fields of `OutputDynamics`, in its order."""
     stage = kernels.new_stage()
-    force, force_per_torque = np.empty(2), np.empty((2, 4))
     kernels.place(q, dq, stage)
     theta, dtheta = kernels.outputs(gait, q, dq, stage)
     kernels.accelerate(walker, dq, np.zeros(4), stage)
     kernels.responses(stage)
+    force, force_per_torque = np.empty(2), np.empty((2, 4))
     kernels.stance_force(walker, stage, force)
     kernels.stance_force_per_torque(walker, stage, force_per_torque)
-    return theta, dtheta, stage.y, stage.dy, stage.h1, stage.h2, stage.ddq, stage.BtDinv, force, force_per_torque
+    # dh/dq = [I 0] - h_d' c, as h_0(q) is the four actuated coordinates
+    drift, decoupling = np.empty(4), np.empty((4, 4))
+    for i in range(4):
+        drift[i] = stage.ddq[i] - stage.h1[i] * np.dot(gait.clock, stage.ddq) - stage.h2[i] * dtheta * dtheta
+        for j in range(4):
+            per_torque = stage.BtDinv[j]
+            decoupling[i, j] = per_torque[i] - stage.h1[i] * np.dot(gait.clock, per_torque)
+    return theta, dtheta, stage.y, stage.dy, drift, decoupling, force, force_per_torque
