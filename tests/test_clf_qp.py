@@ -12,7 +12,7 @@ from controller.rivals.output_dynamics import output_dynamics
 
 PENALTY = 1e4
 WIDE = np.full(4, 1e5)  # [N.m]
-LYAPUNOV = Lyapunov.rapid(0.05)
+LYAPUNOV, SLOW = Lyapunov.rapid(0.05), Lyapunov.rapid(1.0)
 
 etas = st.lists(st.floats(-1.0, 1.0, allow_subnormal=False), min_size=8, max_size=8).map(np.array)
 
@@ -38,15 +38,13 @@ def states(model, gait, walking_states):
     return [output_dynamics(model, gait, q, dq) for q, dq in walking_states(150, spread=0.05)]
 
 
-@pytest.mark.parametrize("epsilon", [1.0, 0.2, 0.02])
 @given(eta=etas)
-def test_some_mu_always_lets_it_fall_at_the_guaranteed_rate(epsilon, eta):
+def test_some_mu_always_lets_it_fall_at_the_guaranteed_rate(eta):
     """The promise of the RES-CLF: the regulator behind its Riccati equation, sped up by epsilon, is such a mu."""
-    V = Lyapunov.rapid(epsilon)
-    P = Lyapunov.rapid(1.0).P
-    mu = -(G.T @ P @ np.concatenate([eta[:4] / epsilon, eta[4:]])) / epsilon
-    L_F, L_G = V.derivative(eta)
-    assert L_F + L_G @ mu <= -V.rate * V.value(eta) + 1e-9 * (1.0 + abs(L_F))
+    epsilon = SLOW.rate / LYAPUNOV.rate
+    mu = -(G.T @ SLOW.P @ np.concatenate([eta[:4] / epsilon, eta[4:]])) / epsilon
+    L_F, L_G = LYAPUNOV.derivative(eta)
+    assert L_F + L_G @ mu <= -LYAPUNOV.rate * LYAPUNOV.value(eta) + 1e-9 * (1.0 + abs(L_F))
 
 
 @given(eta=etas, mu=st.lists(st.floats(-50, 50), min_size=4, max_size=4).map(np.array))
@@ -62,7 +60,7 @@ def test_the_least_mu_where_no_torque_is_at_its_limit(states):
     for dynamics in states:
         eta, decision = eta_of(dynamics), law(WIDE).decide(dynamics)
         mu, delta = least(eta)
-        assert decision.found and decision.status == "optimal"
+        assert decision.answer.found and decision.answer.status == "optimal"
         assert decision.v == pytest.approx(mu, rel=1e-6, abs=1e-6)
         L_F, L_G = LYAPUNOV.derivative(eta)
         assert L_F + L_G @ decision.v <= -LYAPUNOV.rate * LYAPUNOV.value(eta) + delta + 1e-6
@@ -88,11 +86,11 @@ def test_the_guarantee_gives_way_only_where_the_limits_leave_no_choice(states):
     usual, relaxed = law(limit), 0
     for dynamics in states:
         eta, decision = eta_of(dynamics), usual.decide(dynamics)
-        assert decision.found
+        assert decision.answer.found
         assert (np.abs(dynamics.torque(decision.v)) <= limit + 1e-6).all()
         mu, _ = least(eta)
         if (np.abs(dynamics.torque(mu)) <= limit).all():
-            assert decision.v == pytest.approx(mu, rel=1e-6, abs=1e-6) and decision.status == "optimal"
+            assert decision.v == pytest.approx(mu, rel=1e-6, abs=1e-6) and decision.answer.status == "optimal"
         L_F, L_G = LYAPUNOV.derivative(eta)
         psi = L_F + LYAPUNOV.rate * LYAPUNOV.value(eta)
         unavoidable = max(0.0, psi + L_G @ dynamics.drift - np.abs(L_G @ dynamics.decoupling) @ limit)
@@ -100,7 +98,7 @@ def test_the_guarantee_gives_way_only_where_the_limits_leave_no_choice(states):
         missed = max(0.0, psi + L_G @ stubborn.v)
         assert missed == pytest.approx(unavoidable, rel=1e-3, abs=1e-3)
         if unavoidable > 0.1:
-            assert decision.status == "relaxed"
+            assert decision.answer.status == "relaxed"
             relaxed += 1
     assert 20 < relaxed < len(states)
 

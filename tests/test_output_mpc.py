@@ -65,7 +65,7 @@ def test_within_the_limits_it_is_the_regulator(states, N):
     one = law(N, WIDE)
     for dynamics in states:
         decision = one.decide(dynamics)
-        assert decision.active == 0
+        assert decision.answer.active == 0
         assert decision.v == pytest.approx(-K[0] * dynamics.y - K[1] * dynamics.dy, rel=1e-7, abs=1e-6)
 
 
@@ -87,7 +87,7 @@ def test_at_the_limits_it_is_the_best_plan(states):
         decision = one.decide(dynamics)
         assert (np.abs(dynamics.torque(decision.v)) <= LIMIT + 1e-6).all()
         assert decision.v == pytest.approx(v, rel=1e-4, abs=1e-3)
-        saturated += decision.active > 0
+        saturated += decision.answer.active > 0
     assert saturated > 5
 
 

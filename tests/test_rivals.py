@@ -4,9 +4,10 @@ import pickle
 
 import numpy as np
 import pytest
-from conftest import RABBIT  # noqa: F401
 
 from controller.records import Leg
+from controller.rivals import dense_qp
+from controller.zero_dynamics import zero_dynamics_pd
 from sim import compose
 from sim.interface import Observation
 from sim.loop import NoTape
@@ -118,17 +119,7 @@ def test_numbers_that_overflow_are_a_named_fall_back(controller, belief):
 
 
 def test_a_qp_without_answer_falls_back_to_saturated_zd_pd(controller, belief, gains, walking_states, monkeypatch):
-    from controller.rivals import dense_qp
-    from controller.zero_dynamics import zero_dynamics_pd
-
-    monkeypatch.setattr(dense_qp, "SOLVER", "")
-    monkeypatch.setattr(
-        dense_qp,
-        "solve",
-        lambda problem: dense_qp.Answer(
-            found=False, x=np.zeros(problem.q.shape), residuals=np.full(3, np.inf), active=0, solve_s=0.0
-        ),
-    )
+    monkeypatch.setattr(dense_qp, "solve", lambda problem: dense_qp.no_answer(len(problem.q), "no-solution"))
     for q, dq in walking_states(10):
         step = controller.step(seen(q, dq))
         assert step.fallback and step.status == "no-solution"

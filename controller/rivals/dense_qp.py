@@ -20,6 +20,7 @@ class Answer:
     Attributes:
         found: Whether `x` may be used; look here first.
         x: Minimiser, zeros if not found.
+        status: "optimal", or why there is none.
         residuals: Primal residual, dual residual and duality gap, (3,).
         active: Constraints with a multiplier.
         solve_s: Wall time in [s].
@@ -27,31 +28,37 @@ class Answer:
 
     found: bool
     x: Vector
+    status: str
     residuals: Vector
     active: int
     solve_s: float
 
 
-def solve(problem: qpsolvers.Problem, solver: str = SOLVER) -> Answer:
-    """Solve a strictly convex problem; one without an answer is `found=False`, never an exception.
+def solve(problem: qpsolvers.Problem) -> Answer:
+    """Solve a strictly convex problem with dense matrices; one without an answer is `found=False`, never an exception.
 
-    Args:
-        problem: With dense matrices.
-        solver: A dense solver by its name in qpsolvers.
+    DAQP is a dual active-set method and exact; on the rivals' problems it takes a quarter of the time of PIQP, the
+    other dense solver at hand. qpsolvers hands no warm start on to it; there is little left to save.
     """
     started = time.perf_counter()
-    result = qpsolvers.solve_problem(problem, solver)
+    result = qpsolvers.solve_problem(problem, SOLVER)
     elapsed = time.perf_counter() - started
-    residuals = np.array([result.primal_residual(), result.dual_residual(), result.duality_gap()])
-    # An active-set method may stop at a point it takes for feasible when the weights are too far apart.
     x = result.x
+    residuals = np.array([result.primal_residual(), result.dual_residual(), result.duality_gap()])
+    # Where weights are too far apart an active-set method may take a point for feasible that is not.
     if x is None or not result.found or not residuals[0] <= FEASIBLE:
-        return Answer(found=False, x=np.zeros(problem.q.shape), residuals=np.full(3, np.inf), active=0, solve_s=elapsed)
+        return no_answer(len(problem.q), "no-solution", elapsed)
     multipliers = [z for z in (result.z, result.z_box) if z is not None]
     return Answer(
         found=True,
         x=x,
+        status="optimal",
         residuals=residuals,
         active=sum(int(np.count_nonzero(np.abs(z) > ACTIVE)) for z in multipliers),
         solve_s=elapsed,
     )
+
+
+def no_answer(n: int, status: str, solve_s: float = 0.0) -> Answer:
+    """An answer in n variables that must not be used."""
+    return Answer(found=False, x=np.zeros(n), status=status, residuals=np.full(3, np.inf), active=0, solve_s=solve_s)

@@ -13,7 +13,7 @@ from controller.gait import Gait
 from controller.kernels import Gains
 from controller.model import WalkerModel
 from controller.records import ControlStep, Observation, Plan, Vector
-from controller.rivals.dense_qp import Answer
+from controller.rivals.dense_qp import Answer, no_answer
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics
 from controller.stance import StanceEstimator
 
@@ -23,51 +23,19 @@ class Decision:
     """What a law wants of the outputs.
 
     Attributes:
-        v: Output acceleration in [rad/s^2], (4,).
-        found: Whether `v` may be used; look here first.
-        status: "optimal", "relaxed" where the limits left no way to what was asked for, or why there is no v.
-        residuals: Of the solved problem, (3,).
+        v: Output acceleration in [rad/s^2], (4,), if the answer was found.
+        answer: Of the QP behind it.
         slack: Largest softening of a contact-force row in [N].
-        active: Active constraints.
-        solve_s: Wall time in the solver in [s].
         plan: What is expected over a horizon, if there is one.
     """
 
     v: Vector
-    found: bool
-    status: str
-    residuals: Vector
-    slack: float
-    active: int
-    solve_s: float
+    answer: Answer
+    slack: float = 0.0
     plan: Plan | None = None
 
-    @classmethod
-    def of(
-        cls, answer: Answer, *, v: Vector, status: str = "optimal", slack: float = 0.0, plan: Plan | None = None
-    ) -> "Decision":
-        """The decision that rests on a QP's answer."""
-        return cls(
-            v=v,
-            found=answer.found,
-            status=status if answer.found else "no-solution",
-            residuals=answer.residuals,
-            slack=slack,
-            active=answer.active,
-            solve_s=answer.solve_s,
-            plan=plan,
-        )
 
-
-DIVERGED = Decision(
-    v=np.zeros(4),
-    found=False,
-    status="prediction-diverged",
-    residuals=np.full(3, np.inf),
-    slack=0.0,
-    active=0,
-    solve_s=0.0,
-)
+DIVERGED = Decision(v=np.zeros(4), answer=no_answer(0, "prediction-diverged"))
 """Where the state is so far out that the output dynamics overflow."""
 
 
@@ -102,11 +70,12 @@ class OutputController:
         state = self.stance.update(observation)
         dynamics = output_dynamics(self.model, self.gait, state.q, state.dq)
         decision = self.law.decide(dynamics) if dynamics.is_finite else DIVERGED
+        answer = decision.answer
         zd_pd = -self.gains.kd * dynamics.dy - self.gains.kp * dynamics.y  # Eq. (9), the one fall-back policy
         u_star = dynamics.torque(np.zeros(4))
         limit = self.model.torque_limits
         # A law keeps to the limits up to rounding; the fall-back does not know them.
-        u_total = np.clip(dynamics.torque(decision.v if decision.found else zd_pd), -limit, limit)
+        u_total = np.clip(dynamics.torque(decision.v if answer.found else zd_pd), -limit, limit)
         return ControlStep(
             stance=state.leg.value,
             u_zd=state.leg.from_body(u_star),
@@ -119,12 +88,12 @@ class OutputController:
             s=self.gait.normalised(dynamics.theta),
             contact_force=dynamics.force + dynamics.force_per_torque @ u_total,
             impact_in=-1,
-            status=decision.status,
-            fallback=not decision.found,
+            status=answer.status,
+            fallback=not answer.found,
             iterations=0,
-            residuals=decision.residuals,
+            residuals=answer.residuals,
             slack=decision.slack,
-            active=decision.active,
-            solve_s=decision.solve_s,
+            active=answer.active,
+            solve_s=answer.solve_s,
             plan=decision.plan,
         )

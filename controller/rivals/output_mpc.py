@@ -120,9 +120,9 @@ class OutputMpc:
         """Build and solve the QP of one tick."""
         answer = dense_qp.solve(self.problem(dynamics))
         u = answer.x.reshape(self.N, 4)
-        return Decision.of(
-            answer,
+        return Decision(
             v=dynamics.drift + dynamics.decoupling @ u[0],
+            answer=answer,
             plan=OutputPlan(dynamics=dynamics, u=u, T=self.T, period=self.period) if answer.found else None,
         )
 
