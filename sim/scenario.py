@@ -100,8 +100,8 @@ class ClfSettings:
         force_penalty: Weight on contact forces beyond their limits.
     """
 
-    epsilon: Annotated[Ratio, Range(low=1e-3, words="1e-3 or above")] = 0.01
-    penalty: Annotated[float, QP_WEIGHT] = 10.0
+    epsilon: Annotated[Ratio, Range(low=1e-3, words="1e-3 or above")] = 0.015
+    penalty: Annotated[float, Unit("s^2/rad^2"), QP_WEIGHT] = 10.0
     force_penalty: Annotated[float, Unit("1/N^2"), QP_WEIGHT] = 100.0
 
 
