@@ -92,7 +92,7 @@ class LtvSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClfSettings:
-    """Tuning of clf-qp; the other controllers do not read it.
+    """Tuning of clf-qp, found on the walks that controller/rivals names; the other controllers do not read it.
 
     Attributes:
         epsilon: The Lyapunov function's epsilon; the smaller, the faster the outputs converge.
@@ -107,7 +107,7 @@ class ClfSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputMpcSettings:
-    """Tuning of output-mpc; the other controllers do not read it.
+    """Tuning of output-mpc, found on the walks that controller/rivals names; the other controllers do not read it.
 
     Attributes:
         stages: Prediction horizon.
@@ -118,8 +118,8 @@ class OutputMpcSettings:
 
     stages: Annotated[int, Unit("stages"), Range(low=1, high=100, words="from 1 to 100")] = 10
     stage_time: Annotated[Second, Range(low=1e-4, high=0.1, words="between 1e-4 and 0.1")] = 5e-3
-    output: Annotated[float, Unit("1/s^4"), Range(low=1.0, high=1e8, words="between 1 and 1e8")] = 8100.0
-    output_rate: Annotated[float, Unit("1/s^2"), Range(low=0.0, high=1e8, words="between 0 and 1e8")] = 220.0
+    output: Annotated[float, Unit("1/s^4"), Range(low=1.0, high=1e9, words="between 1 and 1e9")] = 3e7
+    output_rate: Annotated[float, Unit("1/s^2"), Range(low=0.0, high=1e9, words="between 0 and 1e9")] = 3e4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +135,7 @@ class ControllerSettings:
         horizon: Prediction horizon N.
         period: Sampling and hold period T.
         friction: Friction coefficient the controller assumes.
-        friction_rows: Whether the MPC bounds the stance contact force.
+        friction_rows: Whether the MPC, or the QP of clf-qp, bounds the stance contact force; output-mpc never does.
         normal_force_min: Lower bound on the stance foot's normal force.
         solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
         ltv: Prediction and cost of c-mpc-ltv.

@@ -15,6 +15,12 @@ falls at least as exp(-gamma t/e), gamma = lambda_min(Q) / lambda_max(P), under 
 and the least such mu is asked for; delta relaxes it where the torque limits, which are hard, leave no other choice:
 
     minimise mu' mu + p delta^2  subject to  psi_0 + psi_1 mu <= delta,  -u_max <= u* + (L_g L_f h)^-1 mu <= u_max.
+
+Contact-force rows, which later versions have, are there unless switched off; they are softened.
+
+Tuning (`controller.rivals` says on what): e = 0.015 and p = 10 had the least mean RMS, 1.9 mrad, of e from 0.012 to
+0.02 and p from 1 to 100; a larger e is slower, a smaller one spends the friction under +20 N. A larger Q acts like a
+smaller e; its shape was left alone.
 """
 
 import dataclasses

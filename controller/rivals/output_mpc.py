@@ -10,6 +10,10 @@ with both terms as they are now over the whole horizon:
 
 and S solves the Riccati equation of the same cost, so that without a torque at its limit the first v is that of the
 linear-quadratic regulator whatever N is. In the u_k the only constraints are bounds: there always is a plan.
+
+Tuning (`controller.rivals` says on what): q = 3e7 and q' = 3e4 are the least weights within 5 % of the least mean RMS,
+1.0 mrad, of q from 3e3 to 1e8 and q' from 0 to 3e4. Horizons from 10 to 100 ms, of 5 to 20 stages, differ by less than
+that; N = 10 and T = 5 ms are in their middle.
 """
 
 from dataclasses import dataclass
