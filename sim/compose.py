@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from controller import kernels
+from controller.cascade import CascadedMpc
 from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
 from controller.qp import Solver
 from controller.solvers import make_solver
@@ -129,7 +130,7 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
         observation: Anything legal.
         announce: Told a line for the user where compiling will take long.
     """
-    if announce and not kernels.on_disk():
+    if announce and not kernels.on_disk("rollout" if isinstance(controller, CascadedMpc) else "outputs"):
         announce("compiling kernels, once, about 20 s")
     controller.step(observation)
 
