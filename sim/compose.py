@@ -23,6 +23,7 @@ from sim.actuation import Actuation
 from sim.errors import UserError
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
+from sim.judge import FallCriteria
 from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
 from sim.models import ModelFiles
@@ -128,10 +129,20 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
             gains,
             N=settings.horizon,
             T=settings.period,
-            weights=Weights.of_paper(gains, settings.period),
+            weights=_weights(settings, gains),
             friction=friction if settings.friction_rows else None,
             solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
+
+
+def _weights(settings: ControllerSettings, gains: kernels.Gains) -> Weights:
+    """The paper's cost with the factors a scenario puts on it."""
+    paper, factors = Weights.of_paper(gains, settings.period), settings.weights
+    return Weights(
+        Q_position=np.array(factors.output) * paper.Q_position,
+        Q_velocity=np.array(factors.output_rate) * paper.Q_velocity,
+        R=np.array(factors.torque) * paper.R,
+    )
 
 
 def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:
@@ -203,6 +214,11 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
     return q, dq
 
 
+def _criteria(plant: MujocoPlant | RigidPlant, scenario: Scenario) -> FallCriteria:
+    """When a run counts as a fall: by the size of the walker, whatever errors its plant is given."""
+    return FallCriteria.of_leg(plant.legs.nominal_length(scenario.plant.length_factor))
+
+
 def build_rig(scenario: Scenario) -> Rig:
     """Plant and controller of a scenario for many runs.
 
@@ -223,6 +239,7 @@ def build_rig(scenario: Scenario) -> Rig:
         dq_start=dq,
         x_gait=np.concatenate((belief.gait.q_minus, belief.gait.dq_minus)),
         surface=Surface(plant.legs, scenario.plant.ground.slope),
+        criteria=_criteria(plant, scenario),
     )
 
 
@@ -295,6 +312,7 @@ def run_scenario(
                 tape=tape,
                 torque_limits=plant.torque_limits,
                 period=scenario.controller.period,
+                criteria=_criteria(plant, scenario),
             ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:

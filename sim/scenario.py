@@ -44,6 +44,7 @@ __all__ = [
     "Scenario",
     "SensorSettings",
     "StartSettings",
+    "WeightSettings",
 ]
 
 SHIPPED = Path(__file__).parent / "scenarios"
@@ -88,6 +89,21 @@ class LtvSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WeightSettings:
+    """Cost of c-mpc in Eq. (16), relative to the paper's; ordered stance hip, swing hip, stance knee, swing knee.
+
+    Attributes:
+        output: Factors on the paper's weights 2 K_P / T^2 on the outputs y.
+        output_rate: Factors on the paper's weights K_D / T on their rates.
+        torque: Weights R on the MPC's torques; 1 in the paper.
+    """
+
+    output: Annotated[Four, Unit("ratio"), NOT_NEGATIVE] = (1.0, 1.0, 1.0, 1.0)
+    output_rate: Annotated[Four, Unit("ratio"), NOT_NEGATIVE] = (1.0, 1.0, 1.0, 1.0)
+    torque: Annotated[Four, Unit("1/(N.m)^2"), POSITIVE] = (1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
     """The controller and its beliefs; joint gains are ordered stance hip, swing hip, stance knee, swing knee.
 
@@ -102,6 +118,7 @@ class ControllerSettings:
         friction_rows: Whether the MPC bounds the stance contact force.
         normal_force_min: Lower bound on the stance foot's normal force.
         solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
+        weights: Cost of c-mpc.
         ltv: Prediction and cost of c-mpc-ltv.
     """
 
@@ -114,6 +131,7 @@ class ControllerSettings:
     friction_rows: bool = True
     normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0
     solver: str = "riccati"
+    weights: WeightSettings = dataclasses.field(default_factory=WeightSettings)
     ltv: LtvSettings = dataclasses.field(default_factory=LtvSettings)
 
 
