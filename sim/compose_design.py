@@ -94,8 +94,9 @@ def plot_gait(path: Path, found: Belief) -> None:
         plot(path, found.model, found.gait, periodic_orbit(found.model, found.gait))
 
 
-def polish_gait(found: Belief, out: Path) -> Belief:
-    """Write the exactly periodic gait nearest to a gait; returns it."""
+def polish_gait(found: Belief, out: Path, *, force: bool) -> Belief:
+    """Write the exactly periodic gait nearest to a gait, over a file that is there if forced; returns it."""
+    check_new_file(out, force=force)
     gait = polish(found.model, found.gait)
     orbit = periodic_orbit(found.model, gait)
     remark = f"The exactly periodic gait nearest to {found.gait.name}. Made by: cmpc gait polish {found.path.name}"
@@ -114,6 +115,7 @@ def design_gait(
     starts: int,
     name: str | None,
     out: Path | None,
+    force: bool,
     say: Say,
 ) -> tuple[Belief, Design]:
     """Design a gait and write it.
@@ -127,6 +129,7 @@ def design_gait(
         starts: How many starts must succeed.
         name: Of the gait; the file's stem if not given.
         out: File to write; in the walker's gaits/ if not given.
+        force: Whether to write over a file that is there.
         say: Told what happens.
 
     Raises:
@@ -138,7 +141,7 @@ def design_gait(
         need = Requirements(**request)
         start = load_gait(folder.gait(warm), model) if warm else None
         out = out or folder.gaits / library.file_name(need.step_length, need.speed)
-        check_folder(out)
+        check_new_file(out, force=force)
         found = design(
             model,
             need,
@@ -210,6 +213,7 @@ def _library_job(job: tuple[str, dict[str, Any], int, int]) -> str:
         starts=starts,
         name=None,
         out=None,
+        force=True,
         say=lambda line: None,
     )
     return f"{found.path.name}: cost {made.orbit.cost:.0f} {COST_UNIT['torque']}, delta^2 {made.orbit.delta**2:.3f}"
@@ -228,6 +232,14 @@ def _remark(folder: WalkerFolder, need: Requirements, degree: int, cost: str, st
     return f"Made by: cmpc gait design {' '.join(words)}"
 
 
+def check_new_file(out: Path, *, force: bool) -> None:
+    """Refuse to write over a file, or where there is no folder, before any work is done for it."""
+    check_folder(out)
+    if out.exists() and not force:
+        raise UserError(f"{out}: is there already; choose another --out, or write over it with --force")
+
+
 def check_folder(out: Path) -> None:
+    """Refuse to write where there is no folder."""
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
