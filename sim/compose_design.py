@@ -13,25 +13,32 @@ from typing import Any
 from controller import library
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
+from controller.design.compare import Comparison, compare
 from controller.design.optimise import COST_UNIT, Design, design
 from controller.design.orbit import periodic_orbit
 from controller.design.plot import plot
+from controller.design.plot_compare import plot_comparison
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.errors import ControllerInputError
 from controller.gait import Gait, load_gait
 from controller.model import WalkerModel
+from controller.records import ROLES
 from sim.errors import UserError
 from sim.walkers import WalkerFolder
 
 __all__ = [
     "COST_UNIT",
+    "ROLES",
     "Report",
     "belief",
+    "beliefs",
     "check_gait",
+    "compare_gaits",
     "design_gait",
     "library_gaits",
     "plot_gait",
+    "plot_gaits",
     "polish_gait",
 ]
 
@@ -80,6 +87,27 @@ def belief(gait: str, walker: str | None) -> Belief:
         model = WalkerModel(folder.urdf)
         path = folder.gait(gait)
         return Belief(model=model, gait=load_gait(path, model), path=path)
+
+
+def beliefs(gaits: Sequence[str], walker: str | None) -> list[Belief]:
+    """Read gaits of one walker: the one given, or that of the first gait.
+
+    Raises:
+        UserError: a file is missing or not legal, or a gait is for another walker.
+    """
+    first = belief(gaits[0], walker)
+    return [first, *(belief(gait, walker or str(first.model.path.parent)) for gait in gaits[1:])]
+
+
+def compare_gaits(first: Belief, second: Belief) -> Comparison:
+    """Two gaits of one walker side by side."""
+    return compare(first.model, first.gait, second.gait)
+
+
+def plot_gaits(path: Path, model: WalkerModel, found: Comparison) -> None:
+    """Write a picture of two gaits."""
+    with as_user_errors():
+        plot_comparison(path, model, found)
 
 
 def check_gait(found: Belief, changes: Mapping[str, Any]) -> Report:

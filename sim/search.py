@@ -62,7 +62,9 @@ def check_out(out: Path) -> Path:
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
     if out.exists() and not record.exists():
-        raise UserError(f"--out {out}: is there already, and no search's record {record.name} beside it; choose another")
+        raise UserError(
+            f"--out {out}: is there already, and no search's record {record.name} beside it; choose another"
+        )
     return record
 
 
@@ -138,7 +140,9 @@ def search(
     try:
         from cmaes import CMA
     except ImportError as error:
-        raise UserError("the search needs the optimiser cmaes; install it with pip install 'cmpc-walker[design]'") from error
+        raise UserError(
+            "the search needs the optimiser cmaes; install it with pip install 'cmpc-walker[design]'"
+        ) from error
     low, high = np.array(space.low), np.array(space.high)
     first = np.clip(np.array(space.start), low, high)
     bounds = np.log(np.column_stack([low, high]))

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from sim import flags
+from sim.commands import gait_compare
 from sim.errors import UserError
 
 HELP = """\
 usage: cmpc gait design  --step-length M --speed M/S [options]   make a gait from nothing
        cmpc gait check   NAME|FILE.toml [options]                 simulate it on the full model and judge it
+       cmpc gait compare NAME|FILE.toml NAME|FILE.toml            two gaits, coefficient by coefficient, cost by cost
        cmpc gait polish  NAME|FILE.toml --out FILE.toml           the exactly periodic gait next to a printed one
        cmpc gait library [options]                                a grid of gaits over step length and speed
 
@@ -41,7 +43,13 @@ REQUIREMENTS = {
 
 def main(argv: Sequence[str]) -> int:
     """Run `cmpc gait`; returns the exit code."""
-    commands = {"design": _design, "check": _check, "polish": _polish, "library": _library}
+    commands = {
+        "design": _design,
+        "check": _check,
+        "compare": gait_compare.main,
+        "polish": _polish,
+        "library": _library,
+    }
     if not argv or argv[0] in ("-h", "--help"):
         print(HELP, end="")
         return 0

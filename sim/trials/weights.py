@@ -75,7 +75,9 @@ def search_weights(
     """
     record = search.check_out(out)
     if plan.grid or plan.margin:
-        raise UserError(f"plan {plan.name!r}: has a grid or a margin study; legal: Monte-Carlo studies, to hold out draws")
+        raise UserError(
+            f"plan {plan.name!r}: has a grid or a margin study; legal: Monte-Carlo studies, to hold out draws"
+        )
     plan = dataclasses.replace(plan, controllers=(KIND,))
     start = (1.0,) * 5 + (float(plan.scenario.controller.horizon),)
 
@@ -99,7 +101,9 @@ def search_weights(
     for name, point in (("start", start), ("found", best.point)):
         judged.append(results(point, others))
         found[name] = {
-            "settings": {path: list(v) if isinstance(v, tuple) else v for path, v in changes(point, plan.scenario).items()},
+            "settings": {
+                path: list(v) if isinstance(v, tuple) else v for path, v in changes(point, plan.scenario).items()
+            },
             "search": dataclasses.asdict(score(results(point, plan), plan)),
             "held_out": dataclasses.asdict(score(judged[-1], others)),
         }
