@@ -124,10 +124,10 @@ def plot_gait(path: Path, found: Belief) -> None:
 
 def polish_gait(found: Belief, out: Path, *, force: bool) -> Belief:
     """Write the exactly periodic gait nearest to a gait, over a file that is there if forced; returns it."""
-    check_new_file(out, force=force)
+    remark = f"The exactly periodic gait nearest to {found.gait.name}. Made by: cmpc gait polish {found.path.name}"
+    check_new_file(out, remark, force=force)
     gait = polish(found.model, found.gait)
     orbit = periodic_orbit(found.model, gait)
-    remark = f"The exactly periodic gait nearest to {found.gait.name}. Made by: cmpc gait polish {found.path.name}"
     with as_user_errors():
         gait_file.write(out, gait_file.to_toml(found.model, gait, orbit, (remark,)))
         return Belief(model=found.model, gait=load_gait(out, found.model), path=out)
@@ -169,7 +169,8 @@ def design_gait(
         need = Requirements(**request)
         start = load_gait(folder.gait(warm), model) if warm else None
         out = out or folder.gaits / library.file_name(need.step_length, need.speed)
-        check_new_file(out, force=force)
+        remark = _remark(folder, need, degree, cost, starts)
+        check_new_file(out, None if warm else remark, force=force)
         found = design(
             model,
             need,
@@ -180,9 +181,7 @@ def design_gait(
             say=say,
             name=name or out.stem,
         )
-        gait_file.write(
-            out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost, starts),))
-        )
+        gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (remark,)))
         return Belief(model=model, gait=load_gait(out, model), path=out), found
 
 
@@ -260,14 +259,24 @@ def _remark(folder: WalkerFolder, need: Requirements, degree: int, cost: str, st
     return f"Made by: cmpc gait design {' '.join(words)}"
 
 
-def check_new_file(out: Path, *, force: bool) -> None:
-    """Refuse to write over a file, or where there is no folder, before any work is done for it."""
-    check_folder(out)
+def check_new_file(out: Path, remark: str | None, *, force: bool) -> None:
+    """Refuse, before any work is done for it, to write where there is no folder, or over a file of another making.
+
+    Args:
+        out: The file.
+        remark: First comment of the file to come, which says what makes it; one that begins with the same is the
+            same gait and is made again. None where that does not tell all.
+        force: Whether to write over any file.
+
+    Raises:
+        UserError: refused.
+    """
     if out.exists() and not force:
-        raise UserError(f"{out}: is there already; choose another --out, or write over it with --force")
-
-
-def check_folder(out: Path) -> None:
-    """Refuse to write where there is no folder."""
+        try:
+            first = out.read_text(encoding="utf-8").partition("\n")[0]
+        except (OSError, UnicodeDecodeError):
+            first = ""
+        if remark is None or first != f"# {remark}":
+            raise UserError(f"{out}: another file is there; choose another --out, or write over it with --force")
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")

@@ -95,6 +95,7 @@ def recorded(
     Raises:
         UserError: the record is of another search or can not be used, or the optimiser is not installed.
     """
+    _cma()  # before a record is begun
     known = _resume(record, {**head, "seed": seed, "start": list(space.start)})
     best = min((evaluation.value for evaluation in known), default=float("inf"))
     count = len(known)
@@ -137,16 +138,10 @@ def search(
     Raises:
         UserError: the optimiser is not installed, or `known` is of another search.
     """
-    try:
-        from cmaes import CMA
-    except ImportError as error:
-        raise UserError(
-            "the search needs the optimiser cmaes; install it with pip install 'cmpc-walker[design]'"
-        ) from error
     low, high = np.array(space.low), np.array(space.high)
     first = np.clip(np.array(space.start), low, high)
     bounds = np.log(np.column_stack([low, high]))
-    optimiser = CMA(mean=np.log(first), sigma=SPREAD, bounds=bounds, seed=seed)
+    optimiser = _cma()(mean=np.log(first), sigma=SPREAD, bounds=bounds, seed=seed)
     done: list[Evaluation] = []
 
     def value_of(x: Vector) -> float:
@@ -172,6 +167,16 @@ def search(
         if len(wanted) == len(generation):
             optimiser.tell(values)
     return min(done, key=lambda evaluation: evaluation.value)
+
+
+def _cma() -> Any:
+    try:
+        from cmaes import CMA
+    except ImportError as error:
+        raise UserError(
+            "the search needs the optimiser cmaes; install it with pip install 'cmpc-walker[design]'"
+        ) from error
+    return CMA
 
 
 def _resume(record: Path, head: dict[str, Any]) -> list[Evaluation]:

@@ -71,7 +71,7 @@ def _parser(name: str, text: str, *, requirements: bool = True) -> flags.Parser:
 
 
 def _add_force(parser: flags.Parser) -> None:
-    parser.add_argument("--force", action="store_true", help="write over a file that is there")
+    parser.add_argument("--force", action="store_true", help="write over another file that is there")
 
 
 def _flag(field: str) -> str:
