@@ -56,9 +56,11 @@ def check_out(out: Path) -> Path:
     """The record beside a result file, `.jsonl` for its `.toml`.
 
     Raises:
-        UserError: the folder is not there, or the file is and was not made by a search.
+        UserError: another ending, no such folder, or the file is there and was not made by a search.
     """
     record = out.with_suffix(".jsonl")
+    if out.suffix != ".toml":
+        raise UserError(f"--out {out}: legal: a name that ends in .toml")
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
     if out.exists() and not record.exists():

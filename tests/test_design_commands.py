@@ -122,7 +122,7 @@ def test_what_is_no_walker_is_refused(capsys, tmp_path, old, new, words):
 
 BAD = {
     "impossible speed": (
-        ["gait", "design", "--step-length", 0.4, "--speed", TOO_FAST],
+        ["gait", "design", "--step-length", 0.4, "--speed", TOO_FAST, "--degree", 4],
         ["nearest", "misses by", "legal"],
     ),
     "neither speed nor time": (["gait", "design", "--step-length", 0.4], ["--speed", "--step-time"]),

@@ -72,6 +72,8 @@ def test_a_file_no_search_made_is_not_written_over(tmp_path):
         check_out(out)
     (tmp_path / "mine.jsonl").touch()
     check_out(out)
+    with pytest.raises(UserError, match=r"ends in \.toml"):
+        check_out(tmp_path / "mine.jsonl")
     with pytest.raises(UserError, match="no folder"):
         check_out(tmp_path / "nowhere" / "g.toml")
 
