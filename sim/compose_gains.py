@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,6 @@ from controller.kernels import Gains
 from sim import search
 from sim.compose_design import as_user_errors, belief
 from sim.walkers import WalkerFolder
-
-Say = Callable[[str], None]
 
 PAPER = (60.0, 90.0, 90.0, 50.0, 10.0, 20.0, 20.0, 10.0)
 """K_P [1/s^2] and K_D [1/s] of the paper, to compare with."""
@@ -31,7 +29,7 @@ def search_gains(
     evaluations: int,
     seed: int,
     out: Path,
-    say: Say,
+    say: search.Say,
 ) -> dict[str, Any]:
     """Search gains, write the best as a scenario with its evidence, and each evaluation beside it.
 
@@ -69,6 +67,7 @@ def search_gains(
         {"fingerprint": model.fingerprint, "gait": known_belief.gait.name, "period": period},
         seed=seed,
         evaluations=evaluations,
+        measure="score",
         say=say,
     )
     result: dict[str, Any] = {"evaluations": count, "seed": seed}

@@ -78,6 +78,7 @@ def recorded(
     *,
     seed: int,
     evaluations: int,
+    measure: str,
     say: Say,
 ) -> tuple[Evaluation, int]:
     """Search, or go on with a search, and keep every evaluation.
@@ -89,6 +90,7 @@ def recorded(
         head: Its first line: what the search is of, seed and start aside.
         seed: Of CMA-ES.
         evaluations: In all, those in the record included.
+        measure: What a value is, in words for the user.
         say: Told of every improvement.
 
     Returns:
@@ -102,7 +104,7 @@ def recorded(
     best = min((evaluation.value for evaluation in known), default=float("inf"))
     count = len(known)
     if known:
-        say(f"{record}: goes on after {count} evaluations, the best {best:.5f}")
+        say(f"{record}: goes on after {count} evaluations, {measure} {best:.5f} so far")
     with open(record, "a", encoding="utf-8") as file:
 
         def keep(evaluation: Evaluation) -> None:
@@ -112,7 +114,7 @@ def recorded(
             file.flush()
             if evaluation.value < best:
                 best = evaluation.value
-                say(f"evaluation {count}: {best:.5f}")
+                say(f"evaluation {count}: {measure} {best:.5f}")
 
         found = search(evaluate, space, seed=seed, evaluations=evaluations, known=known, keep=keep)
     return found, count

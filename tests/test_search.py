@@ -48,7 +48,9 @@ def test_a_record_is_gone_on_with_or_refused(tmp_path):
 
     def go(evaluations, **changes):
         head = {"of": "a bowl"} | changes
-        return recorded(evaluate, SPACE, record, head, seed=1, evaluations=evaluations, say=lines.append)
+        return recorded(
+            evaluate, SPACE, record, head, seed=1, evaluations=evaluations, measure="depth", say=lines.append
+        )
 
     go(9)
     with open(record, "a") as file:
@@ -81,5 +83,5 @@ def test_a_file_no_search_made_is_not_written_over(tmp_path):
 def test_without_the_optimiser_it_says_how_to_install_it(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "cmaes", None)
     with pytest.raises(UserError, match=r"pip install 'cmpc-walker\[design\]'"):
-        recorded(bowl, SPACE, tmp_path / "g.jsonl", {}, seed=0, evaluations=1, say=print)
+        recorded(bowl, SPACE, tmp_path / "g.jsonl", {}, seed=0, evaluations=1, measure="depth", say=print)
     assert not list(tmp_path.iterdir())

@@ -92,6 +92,7 @@ def search_weights(
         {"plan": plan.hash()},
         seed=seed,
         evaluations=evaluations,
+        measure="share of steps lost",
         say=say,
     )
     others = held_out_plan(plan, held_out)
