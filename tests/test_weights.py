@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from sim.cli import main
@@ -11,7 +12,7 @@ from sim.scenario import Scenario, from_toml, with_values
 from sim.trials.plan import load_plan
 from sim.trials.result import TrialResult
 from sim.trials.trial import axis_values
-from sim.trials.weights import changes, held_out_plan, score, start_from
+from sim.trials.weights import changes, held_out_plan, paired, score, start_from
 
 SAME = (1.0, 1.0, 1.0, 1.0, 1.0, 100.0)
 PLAN = """
@@ -88,6 +89,13 @@ def test_score_is_the_mean_share_of_steps(plan):
     assert found.studies == pytest.approx({"push": 0.7, "ramp": 0.2})
     with pytest.raises(UserError, match="failed: no end"):
         score([trial(5), trial(1, outcome="error", message="no end")], plan)
+
+
+def test_the_gain_is_paired():
+    found = paired([trial(5), trial(2), trial(1)], [trial(5), trial(5), trial(2)], steps=5)
+    assert found.mean == pytest.approx((0.0 + 0.6 + 0.2) / 3)
+    assert found.standard_error == pytest.approx(np.std([0.0, 0.6, 0.2], ddof=1) / np.sqrt(3))
+    assert (found.start_alone, found.found_alone, found.p) == (0, 1, 1.0)
 
 
 def test_a_search_judges_on_draws_held_out_resumes_and_leaves_a_scenario(capsys, tmp_path):

@@ -78,7 +78,9 @@ def main(argv: Sequence[str]) -> int:
             print(f"  {words}: score {score['value']:.3f}, {score['survived']} of {score['trials']} survive")
     pairs = result["paired"]
     print(
-        f"of the draws held out, the start alone survives {pairs['start_alone']}, the found alone "
+        f"on the draws held out a gain of {pairs['mean']:+.3f}, standard error {pairs['standard_error']:.3f}, "
+        "trial by trial\n"
+        f"of them, the start alone survives {pairs['start_alone']}, the found alone "
         f"{pairs['found_alone']} (McNemar's p = {pairs['p']:.2g})"
     )
     print(found.out)

@@ -6,6 +6,7 @@ stands still. The draws a search has seen flatter its result; another, larger se
 """
 
 import dataclasses
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -42,6 +43,25 @@ class Score:
     survived: int
     trials: int
     studies: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gain:
+    """Two controllers on the same draws.
+
+    Attributes:
+        mean: Mean gain in the share of steps.
+        standard_error: Of that mean, from the differences trial by trial.
+        start_alone: Trials the start alone survives.
+        found_alone: Trials the found alone survives.
+        p: Two-sided p-value of McNemar's exact test of "they survive alike".
+    """
+
+    mean: float
+    standard_error: float
+    start_alone: int
+    found_alone: int
+    p: float
 
 
 def search_weights(
@@ -108,8 +128,7 @@ def search_weights(
             "search": dataclasses.asdict(score(results(point, plan), plan)),
             "held_out": dataclasses.asdict(score(judged[-1], others)),
         }
-    pairs = mcnemar([(a.survived, b.survived) for a, b in zip(*judged, strict=True)])
-    found["paired"] = {"start_alone": pairs.first, "found_alone": pairs.second, "p": pairs.p}
+    found["paired"] = dataclasses.asdict(paired(*judged, steps=plan.scenario.steps))
     try:
         out.write_text(_scenario(plan.scenario, best.point, found), encoding="utf-8")
     except OSError as error:
@@ -160,6 +179,21 @@ def score(results: Sequence[TrialResult], plan: Plan) -> Score:
     )
 
 
+def paired(start: Sequence[TrialResult], found: Sequence[TrialResult], *, steps: int) -> Gain:
+    """What the found controller gains over the start on the same draws, trial by trial."""
+    gains = [(b.steps - a.steps) / steps for a, b in zip(start, found, strict=True)]
+    mean = sum(gains) / len(gains)
+    spread = math.sqrt(sum((gain - mean) ** 2 for gain in gains) / max(len(gains) - 1, 1))
+    alike = mcnemar([(a.survived, b.survived) for a, b in zip(start, found, strict=True)])
+    return Gain(
+        mean=mean,
+        standard_error=spread / math.sqrt(len(gains)),
+        start_alone=alike.first,
+        found_alone=alike.second,
+        p=alike.p,
+    )
+
+
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
@@ -189,6 +223,7 @@ def _scenario(base: Scenario, point: search.Point, found: Mapping[str, Any]) -> 
             *(line(name, "search") for name in ("start", "found")),
             "# On draws held out:",
             *(line(name, "held_out") for name in ("start", "found")),
+            f"#   gain {pairs['mean']:+.3f}, standard error {pairs['standard_error']:.3f}, trial by trial",
             f"#   survived by the start alone {pairs['start_alone']}, by the found alone {pairs['found_alone']}; "
             f"McNemar's p = {pairs['p']:.2g}",
             *(settings.toml_line(row) for row in settings.table(here) if row.value != usual[row.path]),
