@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 STANCE_HIP, SWING_HIP, STANCE_KNEE, SWING_KNEE, TORSO = range(5)
+ROLES = ("stance hip", "swing hip", "stance knee", "swing knee")
+"""Of the joints, in that order."""
+
 ACTUATED = slice(0, 4)
 """The four actuated coordinates of q; they are also the controlled quantities h_0(q) of Eq. (5)."""
 

@@ -17,6 +17,7 @@ from sim.actuation import Actuation
 from sim.compose_controllers import Belief, build_controller, known_belief, load_belief
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
+from sim.judge import FallCriteria
 from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
 from sim.models import ModelFiles
@@ -99,6 +100,11 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
     return q, dq
 
 
+def _criteria(plant: MujocoPlant | RigidPlant, scenario: Scenario) -> FallCriteria:
+    """When a run counts as a fall: by the size of the walker, whatever errors its plant is given."""
+    return FallCriteria.of_leg(plant.legs.nominal_length(scenario.plant.length_factor))
+
+
 def build_rig(scenario: Scenario) -> Rig:
     """Plant and controller of a scenario for many runs.
 
@@ -119,6 +125,7 @@ def build_rig(scenario: Scenario) -> Rig:
         dq_start=dq,
         x_gait=np.concatenate((belief.gait.q_minus, belief.gait.dq_minus)),
         surface=Surface(plant.legs, scenario.plant.ground.slope),
+        criteria=_criteria(plant, scenario),
     )
 
 
@@ -191,6 +198,7 @@ def run_scenario(
                 tape=tape,
                 torque_limits=plant.torque_limits,
                 period=scenario.controller.period,
+                criteria=_criteria(plant, scenario),
             ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:

@@ -90,10 +90,20 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
             gains,
             N=settings.horizon,
             T=settings.period,
-            weights=Weights.of_paper(gains, settings.period),
+            weights=_weights(settings, gains),
             friction=friction if settings.friction_rows else None,
             solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
+
+
+def _weights(settings: ControllerSettings, gains: kernels.Gains) -> Weights:
+    """The paper's cost with the factors a scenario puts on it."""
+    paper, factors = Weights.of_paper(gains, settings.period), settings.weights
+    return Weights(
+        Q_position=np.array(factors.output) * paper.Q_position,
+        Q_velocity=np.array(factors.output_rate) * paper.Q_velocity,
+        R=np.array(factors.torque) * paper.R,
+    )
 
 
 def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:

@@ -45,6 +45,7 @@ __all__ = [
     "Scenario",
     "SensorSettings",
     "StartSettings",
+    "WeightSettings",
 ]
 
 SHIPPED = Path(__file__).parent / "scenarios"
@@ -88,6 +89,21 @@ class LtvSettings:
     torque_penalty: Annotated[float, Unit("1/(N.m)^2"), NOT_NEGATIVE] = 30.0
     force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
     slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeightSettings:
+    """Cost of c-mpc in Eq. (16), relative to the paper's; ordered stance hip, swing hip, stance knee, swing knee.
+
+    Attributes:
+        output: Factors on the paper's weights 2 K_P / T^2 on the outputs y.
+        output_rate: Factors on the paper's weights K_D / T on their rates.
+        torque: Weights R on the MPC's torques; 1 in the paper.
+    """
+
+    output: Annotated[Four, Unit("ratio"), NOT_NEGATIVE] = (1.0, 1.0, 1.0, 1.0)
+    output_rate: Annotated[Four, Unit("ratio"), NOT_NEGATIVE] = (1.0, 1.0, 1.0, 1.0)
+    torque: Annotated[Four, Unit("1/(N.m)^2"), POSITIVE] = (1.0, 1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,6 +154,7 @@ class ControllerSettings:
         friction_rows: Whether the MPC, or the QP of clf-qp, bounds the stance contact force; output-mpc never does.
         normal_force_min: Lower bound on the stance foot's normal force.
         solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
+        weights: Cost of c-mpc.
         ltv: Prediction and cost of c-mpc-ltv.
         clf: Tuning of clf-qp.
         output_mpc: Tuning of output-mpc.
@@ -152,6 +169,7 @@ class ControllerSettings:
     friction_rows: bool = True
     normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0
     solver: str = "riccati"
+    weights: WeightSettings = dataclasses.field(default_factory=WeightSettings)
     ltv: LtvSettings = dataclasses.field(default_factory=LtvSettings)
     clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
     output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
