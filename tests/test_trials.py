@@ -226,7 +226,7 @@ def test_results_of_a_newer_version_are_refused(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with sqlite3.connect(tmp_path / "out" / FILE) as db:
         db.execute("PRAGMA user_version = 99")
-    with pytest.raises(UserError, match="version 99; this program reads up to 1"):
+    with pytest.raises(UserError, match="version 99; this program reads 2: use a newer one"):
         Store(tmp_path / "out" / FILE)
 
 

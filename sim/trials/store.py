@@ -21,8 +21,8 @@ from sim.trials import plan as plans
 from sim.trials.plan import Plan
 from sim.trials.result import TrialResult
 
-VERSION = 1
-"""Version of the tables. A newer one than this is refused."""
+VERSION = 2
+"""Version of the tables; no other is read."""
 
 FILE = "results.sqlite"
 LOGS = "logs"
@@ -68,11 +68,9 @@ class Store:
                 self._db.execute("PRAGMA journal_mode = WAL")
                 self._db.execute("PRAGMA synchronous = NORMAL")
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
-            if version > VERSION:
-                raise UserError(
-                    f"{path}: results of version {version}; this program reads up to {VERSION}: use a newer one, "
-                    "or another --out"
-                )
+            if version not in (0, VERSION):
+                advice = "use a newer one, or another --out" if version > VERSION else "run them again, with --restart"
+                raise UserError(f"{path}: results of version {version}; this program reads {VERSION}: {advice}")
             if version == 0:
                 self._create()
 
