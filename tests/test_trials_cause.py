@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fakes import Step, plant_state
 
-from sim.compose import known_belief, run_scenario
+from sim.compose import build_plant, known_belief, run_scenario
 from sim.scenario import load, with_values
 from sim.trials.cause import PROOFS, SHARES, Cause, Witness, decisive
 
@@ -124,22 +124,22 @@ def test_a_walker_that_stands_and_creeps_on_has_stalled() -> None:
 class Asking(Witness):
     """Asks for a verdict every 50 ticks, as if the run had ended there."""
 
-    def __init__(self, period):
+    def __init__(self, period, limits):
         super().__init__(period)
-        self.seen = set()
+        self.limits, self.seen = limits, set()
 
     def tick(self, k, state, observation, step, tick_s):
         super().tick(k, state, observation, step, tick_s)
         if k % 50 == 0:
-            self.seen.add(self.verdict(np.full(4, LIMIT))[0])
+            self.seen.add(self.verdict(self.limits)[0])
 
 
 @pytest.mark.parametrize("kind", ["zd-pd", "c-mpc", "c-mpc-ltv"])
 def test_an_undisturbed_walk_shows_no_symptom(kind: str) -> None:
     scenario = with_values(load("undisturbed"), {"controller.kind": kind, "steps": 3})
-    witness = Asking(scenario.controller.period)
+    witness = Asking(scenario.controller.period, build_plant(scenario).torque_limits)
     summary = run_scenario(scenario, tape=witness, belief=known_belief(scenario.walker, scenario.gait))
-    assert summary.outcome == "completed" and set(summary.torque_limit_Nm.values()) == {LIMIT}
+    assert summary.outcome == "completed"
     assert witness.seen == {Cause.UNCLEAR}
 
 
