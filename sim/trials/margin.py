@@ -44,7 +44,7 @@ class MarginAxis:
     high: float
     tolerance: Annotated[float, POSITIVE]
     scale: Literal["linear", "log"] = "linear"
-    scan: Annotated[int, Unit("values"), AT_LEAST_ONE] = 5
+    scan: Annotated[int, Unit("values"), AT_LEAST_ONE] = 3
     typical: float = 0.0
 
     @property
