@@ -209,12 +209,12 @@ paths = ["start.torso_lean"]
 nominal = 0
 low = -0.9
 high = 0.9
-tolerance = 0.3
+tolerance = 0.45
 typical = 0.3
 scan = 1
 [[montecarlo]]
 name = "pushed"
-trials = 6
+trials = 4
 [[montecarlo.axes]]
 name = "push"
 paths = ["pushes.0.force"]
@@ -228,22 +228,20 @@ high = 80
 @pytest.fixture(scope="module")
 def three(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("three")
-    argv = ["trials", write(folder, THREE), "--controllers", "all", "--out", str(folder / "out"), "--workers", "1"]
-    assert cli.main([*argv, "--quiet"]) == 0
+    argv = ["trials", write(folder, THREE), "--out", str(folder / "out"), "--workers", "1", "--quiet"]
+    assert cli.main([*argv, "--controllers", "c-mpc,zd-pd,c-mpc-ltv"]) == 0
     return folder / "out"
 
 
 def test_all_controllers_are_compared_with_the_first(three: Path) -> None:
     plan, store = open_results(three)
-    assert len(plan.controllers) >= 3 and plan.controllers[0] == "c-mpc"
+    assert plan.controllers == ("c-mpc", "zd-pd", "c-mpc-ltv")
     results = Results(plan=plan, store=store)
     found = random_findings(results, plan.montecarlo[0])
     assert found.reference == "c-mpc" and tuple(found.pairs) == plan.controllers[1:] == tuple(found.p)
     for other, pair in found.pairs.items():
-        alone = [
-            a.survived and not b.survived for a, b in zip(found.results["c-mpc"], found.results[other], strict=True)
-        ]
-        assert pair.first == sum(alone) and found.p[other] >= pair.p
+        draws = zip(found.results["c-mpc"], found.results[other], strict=True)
+        assert pair.first == sum(a.survived and not b.survived for a, b in draws) and found.p[other] >= pair.p
     store.close()
 
 
