@@ -10,7 +10,8 @@ from fakes import Step, plant_state
 
 from sim.compose import build_plant, known_belief, run_scenario
 from sim.scenario import load, with_values
-from sim.trials.cause import PROOFS, SHARES, Cause, Witness, decisive
+from sim.trials.cause import PROOFS, Cause, decisive
+from sim.trials.witness import SHARES, Witness
 
 DT = 1e-3  # [s]
 LIMIT = 150.0  # [N.m]

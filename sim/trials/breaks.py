@@ -4,8 +4,8 @@ import html
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from sim.trials import cause as c
 from sim.trials import plots
+from sim.trials import witness as w
 from sim.trials.axis import label
 from sim.trials.campaign import Results
 from sim.trials.findings import Side, sides
@@ -15,15 +15,15 @@ from sim.trials.result import TrialResult
 from sim.trials.summary import DIRECTIONS
 
 SYMPTOMS = {
-    "start": f"a foot begins deeper than {1e3 * c.SUNK:g} mm in the ground, and the fall within {c.AT_ONCE:g} s",
+    "start": f"a foot begins deeper than {1e3 * w.SUNK:g} mm in the ground, and the fall within {w.AT_ONCE:g} s",
     "clearance": "the swing foot touches the ground where no step is",
-    "friction": f"the stance foot slides faster than {c.SLIDING:g} m/s",
+    "friction": f"the stance foot slides faster than {w.SLIDING:g} m/s",
     "contact": "both feet are in the air",
-    "energy": f"the clock is slower than {c.STANDING:g} rad/s, where the gait's is 0.9 and above",
-    "prediction": f"a landing is {1e3 * c.OVERDUE:g} ms later than foreseen {1e3 * c.FORESEEN:g} ms before it, or the "
-    f"clock beyond {c.OVERRUN:g} of its range; the controller falls back; or an output is beyond "
-    f"{c.OFF_TRACK:g} rad with torque to spare",
-    "torque": f"a joint applies {c.AT_LIMIT:.1%} of its limit or more",
+    "energy": f"the clock is slower than {w.STANDING:g} rad/s, where the gait's is 0.9 and above",
+    "prediction": f"a landing is {1e3 * w.OVERDUE:g} ms later than foreseen {1e3 * w.FORESEEN:g} ms before it, or the "
+    f"clock beyond {w.OVERRUN:g} of its range; the controller falls back; or an output is beyond "
+    f"{w.OFF_TRACK:g} rad with torque to spare",
+    "torque": f"a joint applies {w.AT_LIMIT:.1%} of its limit or more",
     "unclear": "none of these lasts until the fall",
 }
 
@@ -51,14 +51,14 @@ def breaks_page(results: Results, back: str) -> Iterator[str]:
 def _criteria() -> Iterator[str]:
     yield (
         "<p>Once a walker falls, everything goes wrong at once. So the ticks that show a symptom are followed back "
-        f"from the fall to the last {c.GAP:g} s without any: there the fall began, and the first symptom is named.</p>"
+        f"from the fall to the last {w.GAP:g} s without any: there the fall began, and the first symptom is named.</p>"
         "<details open><summary>The symptoms</summary><table>"
     )
     for word, sentence in SYMPTOMS.items():
         yield f"<tr><td>{key(plots.CAUSE_COLOURS[word], word)}<td>{html.escape(sentence)}</tr>"
     yield (
-        f"</table><p class=muted>Each must hold for its share of the {c.WINDOW:g} s before. Those that begin within "
-        f"{c.TOGETHER:g} s of the first are one event, named in this order; falling back and lost outputs come after "
+        f"</table><p class=muted>Each must hold for its share of the {w.WINDOW:g} s before. Those that begin within "
+        f"{w.TOGETHER:g} s of the first are one event, named in this order; falling back and lost outputs come after "
         "torque. The figures are those around the beginning of the fall. Undisturbed walks show none.</p></details>"
     )
 

@@ -21,11 +21,11 @@ from sim.loop import Tape
 from sim.outcome import Outcome, RunSummary
 from sim.scenario import Scenario
 from sim.trials.axis import Value, changes, label, scenario_at
-from sim.trials.cause import Witness
 from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy
 from sim.trials.plan import Plan
 from sim.trials.result import TrialResult
+from sim.trials.witness import Witness
 
 WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
 LONGEST_MESSAGE = 300  # characters of an exception that a result keeps
