@@ -87,10 +87,12 @@ def _margins(results: Results, study: MarginStudy) -> list[str]:
 
 def side_words(side: Side) -> str:
     """An axis, its direction, where it falls first, how much that is for a machine, and what breaks."""
-    value, fall = side.margin.fell_at, side.fall
-    if value is None:
-        return f"{label(side.axis)} {DIRECTIONS[side.sign]}: holds all that was tried"
+    where = f"{label(side.axis)} {DIRECTIONS[side.sign]}"
+    if side.whole:
+        return f"{where}: holds all that was tried"
+    why = f"; {side.fall.cause}" if side.fall and side.fall.cause else ""
+    if side.margin.value is None:
+        return f"{where}: falls at the nominal value{why}"
     errors = side.typical_errors
     times = f", {errors:.2g} times what is typical" if errors is not None else ""
-    why = f"; {fall.cause}" if fall and fall.cause else ""
-    return f"{label(side.axis)} {DIRECTIONS[side.sign]}: falls at {value:.4g} {side.unit}".rstrip() + times + why
+    return f"{where}: falls at {side.margin.fell_at:.4g} {side.unit}".rstrip() + times + why
