@@ -9,6 +9,7 @@ walks show none.
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -68,10 +69,8 @@ class Witness(NoTape):
         ahead = step.impact_in * self._period
         if self._due == math.inf and 0.0 <= ahead <= FORESEEN:
             self._due = state.t + ahead
-        self._rows.append(
-            (state.t, self._stance, state.t - self._landed, state.foot.item(self._stance, 0), *state.contact,
-             step.s, step.dtheta, step.fallback, state.t - self._due, *state.torque.tolist(), *step.y.tolist())
-        )  # fmt: skip
+        y = step.y.copy()  # a view would keep the controller's whole prediction
+        self._rows.append((state, self._stance, self._landed, self._due, step.s, step.dtheta, step.fallback, y))
         self._t = state.t
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
@@ -86,7 +85,7 @@ class Witness(NoTape):
         Args:
             limits: Largest torques of the joints in [N.m], (4,), ordered as `JOINTS`; infinite where there are none.
         """
-        ticks = _Ticks(np.array(self._rows, dtype=float), self._period, np.asarray(limits))
+        ticks = _Ticks(self._rows, self._period, np.asarray(limits))
         began, cause = ticks.beginning()
         if self._sunk > SUNK and ticks.t[began] < AT_ONCE:
             cause = Cause.START
@@ -96,14 +95,17 @@ class Witness(NoTape):
 class _Ticks:
     """The remembered ticks as arrays, (n,) each."""
 
-    def __init__(self, rows: Vector, period: float, limits: Vector) -> None:
-        columns = rows.reshape(-1, 18).T
-        self.t, self.stance, self.since, foot, *contact, self.s, self.clock, self.fallback, self.late = columns[:10]
+    def __init__(self, rows: Sequence[tuple[Any, ...]], period: float, limits: Vector) -> None:
+        states, stance, landed, due, s, clock, fallback, y = zip(*rows, strict=True) if rows else ((),) * 8
         self.period = period
-        torque, y = columns[10:14], columns[14:18]
-        self.touches = np.array(contact) > 0.0  # (2, n), left and right
+        self.t, self.stance = np.array([state.t for state in states]), np.array(stance, dtype=int)
+        self.since, self.late = self.t - np.array(landed), self.t - np.array(due)  # [s]
+        self.s, self.clock, self.fallback = np.array(s), np.array(clock), np.array(fallback, dtype=bool)
+        foot = np.array([state.foot[row, 0] for state, row in zip(states, stance, strict=True)])
+        torque = np.array([state.torque for state in states]).reshape(-1, 4).T
+        self.touches = np.array([state.contact for state in states], dtype=bool).reshape(-1, 2).T  # (2, n), left, right
         self.saturated = np.abs(torque) >= AT_LIMIT * limits[:, None]  # (4, n)
-        self.output = np.abs(y).max(axis=0, initial=0.0)
+        self.output = np.abs(np.array(y).reshape(-1, 4)).max(axis=1, initial=0.0)
         stands, swings = self._of(self.stance), self._of(1 - self.stance)
         moved = np.abs(np.diff(foot, prepend=foot[:1]))
         same = np.diff(self.stance, prepend=self.stance[:1]) == 0
@@ -124,7 +126,7 @@ class _Ticks:
             Cause.STALL: self.clock < STANDING,
             Cause.LATE: (self.s > OVERRUN) | (self.late > OVERDUE),
             Cause.TORQUE: self.saturated.any(axis=0),
-            Cause.SOLVER: self.fallback > 0.0,
+            Cause.SOLVER: self.fallback,
             Cause.TRACKING: self.output > OFF_TRACK,
         }
         width = max(1, round(WINDOW / self.period))
