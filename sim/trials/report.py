@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import heapq
 import html
 import re
 from collections.abc import Iterator
@@ -104,11 +105,12 @@ def _criteria(results: Results) -> str:
 
 def _falls(results: Results) -> Iterator[str]:
     """The first falls and errors, each with the id that runs it again."""
-    rows = [row for row in results if not row.survived]
-    if not rows:
+    falls = sum(trials - survived for survived, trials in results.store.counts().values())
+    if not falls:
         return
-    shown = sorted(rows, key=lambda row: (row.outcome != "error", row.trial, row.controller))[:MOST_FALLS]
-    yield f"<details><summary>Falls and errors ({len(shown)} of {len(rows)}; all are in results.csv)</summary>"
+    rows = (row for row in results if not row.survived)
+    shown = heapq.nsmallest(MOST_FALLS, rows, key=lambda row: (row.outcome != "error", row.trial, row.controller))
+    yield f"<details><summary>Falls and errors ({len(shown)} of {falls}; all are in results.csv)</summary>"
     yield "<div class=wide><table><tr><th>trial<th>study<th>values<th class=number>steps<th class=number>time [s]"
     yield "<th>how it ended<th>what broke</tr>"
     for row in shown:
