@@ -170,7 +170,8 @@ def test_ten_thousand_trials_leave_memory_flat_and_a_small_file(tmp_path: Path) 
     late = [mb for done, mb in resident if 8000 <= done < 10_000]
     page = max(mb for _, mb in resident)
     print(
-        f"parent: {max(early):.0f} MB early, {max(late):.0f} MB late, {page:.0f} MB with the page; files: {sorted(os.listdir(out))}"
+        f"parent: {max(early):.0f} MB early, {max(late):.0f} MB late, {page:.0f} MB with the page;"
+        f" files: {sorted(os.listdir(out))}"
     )
     assert max(late) < max(early) + 10.0 and page < max(early) + 150.0
     assert sum(path.stat().st_size for path in out.glob(f"{FILE}*")) < 50e6
