@@ -191,7 +191,7 @@ def test_fifty_random_trials_run_again_from_their_ids_bit_for_bit(tmp_path: Path
 
 def test_a_full_disk_loses_nothing(tmp_path: Path) -> None:
     """Files may not grow beyond a limit; the campaign stops in one line and goes on when there is room."""
-    plan, out = write(tmp_path, controllers='"zd-pd"', steps=1, trials=400, **NOISE), tmp_path / "out"
+    plan, out = write(tmp_path, controllers='"zd-pd"', steps=1, trials=120, **NOISE), tmp_path / "out"
     limit = 150_000  # bytes
 
     def confine() -> None:
@@ -201,7 +201,7 @@ def test_a_full_disk_loses_nothing(tmp_path: Path) -> None:
     err = finish(start(plan, out, "--workers", "1", preexec_fn=confine), code=2)
     assert err.count("\n") == 1 and FILE in err and "results so far are kept" in err
     kept = count(out)
-    assert 50 < kept < 400
+    assert 0 < kept < 120
     finish(start(plan, out))
     finish(start(plan, tmp_path / "roomy"))
     assert results(out) == results(tmp_path / "roomy")
