@@ -9,7 +9,8 @@ import pytest
 from fakes import Step, plant_state
 
 from sim.compose import build_plant, known_belief, run_scenario
-from sim.scenario import load, with_values
+from sim.scenario import Scenario, load, with_values
+from sim.settings import spec_at
 from sim.trials.cause import PROOFS, Cause, decisive
 from sim.trials.witness import SHARES, Witness
 
@@ -135,9 +136,9 @@ class Asking(Witness):
             self.seen.add(self.verdict(self.limits)[0])
 
 
-@pytest.mark.parametrize("kind", ["zd-pd", "c-mpc", "c-mpc-ltv"])
+@pytest.mark.parametrize("kind", spec_at(Scenario(), "controller.kind").choices)
 def test_an_undisturbed_walk_shows_no_symptom(kind: str) -> None:
-    scenario = with_values(load("undisturbed"), {"controller.kind": kind, "steps": 3})
+    scenario = with_values(load("undisturbed"), {"controller.kind": kind, "steps": 2})
     witness = Asking(scenario.controller.period, build_plant(scenario).torque_limits)
     summary = run_scenario(scenario, tape=witness, belief=known_belief(scenario.walker, scenario.gait))
     assert summary.outcome == "completed"

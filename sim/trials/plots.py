@@ -172,7 +172,7 @@ def _value(value: Value) -> str:
 
 def rate_bars(found: RandomFindings) -> str:
     """Survival of each controller with its 95 % interval."""
-    width, left, rows = 360.0, 70.0, len(found.rates)
+    width, left, rows = 360.0, 90.0, len(found.rates)
     parts = []
     for row, rate in enumerate(found.rates):
         y = 4.0 + row * 24
