@@ -19,7 +19,7 @@ from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
 from sim.judge import FallCriteria
 from sim.kinematics import LEGS
-from sim.loop import Loop, NoTape, Progress, Stop, Tape
+from sim.loop import Loop, NoTape, Progress, Stop, Tape, Tapes
 from sim.models import ModelFiles
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
@@ -95,7 +95,7 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
         q in [rad] and dq in [rad/s], (5,) each; the left leg stands.
     """
     q, dq = belief.gait.post_impact(belief.model)
-    q, dq = q + np.array(scenario.start.q_offset), dq + np.array(scenario.start.dq_offset)
+    q, dq = q + np.array(scenario.start.q_change), dq + np.array(scenario.start.dq_offset)
     q[-1] += scenario.start.torso_offset
     return q, dq
 
@@ -166,7 +166,7 @@ def run_scenario(
         view: Whether to show it in MuJoCo's window, no faster than real time.
         announce: Told a line for the user before something long.
         solver: Used instead of the one the scenario names.
-        tape: Takes ticks and events where no log is written.
+        tape: Takes ticks and events, beside the log if one is written.
         belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
@@ -204,7 +204,7 @@ def run_scenario(
     if log is None:
         return loop(tape or NoTape())
     with Recorder(log, _header(scenario, belief, plant, files), scenario.controller.period) as recorder:
-        summary = loop(recorder)
+        summary = loop(Tapes(recorder, tape) if tape else recorder)
         recorder.result(summary)
     return summary
 

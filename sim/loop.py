@@ -41,6 +41,24 @@ class NoTape:
         """Forget an event."""
 
 
+class Tapes:
+    """Several tapes as one."""
+
+    def __init__(self, *tapes: Tape) -> None:
+        """Args: tapes: told everything, in this order."""
+        self._tapes = tapes
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """Hand a tick on."""
+        for tape in self._tapes:
+            tape.tick(k, state, observation, step, tick_s)
+
+    def event(self, k: int, level: str, name: str, message: str) -> None:
+        """Hand an event on."""
+        for tape in self._tapes:
+            tape.event(k, level, name, message)
+
+
 class Loop:
     """One run of one walker, from its start to its end."""
 

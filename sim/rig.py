@@ -73,7 +73,7 @@ class Rig:
             stop: Asked every tick; a reason ends the run as interrupted.
         """
         start = self.scenario.start
-        q = self.q_start + np.array(start.q_offset) if q is None else np.array(q)
+        q = self.q_start + np.array(start.q_change) if q is None else np.array(q)
         dq = self.dq_start + np.array(start.dq_offset) if dq is None else np.array(dq)
         q[-1] += start.torso_offset if torso_offset is None else torso_offset
         walker = self.walker()

@@ -207,14 +207,23 @@ class StartSettings:
     """Offsets from the first state of the gait; angles ordered as `sim.interface.COORDINATES`.
 
     Attributes:
-        torso_offset: Added to the torso angle alone.
+        torso_offset: Added to the torso angle alone: the whole walker is tilted about its stance foot.
+        torso_lean: Tilts the torso on legs that stay as they are.
         q_offset: Added to the four joint angles and the torso angle.
         dq_offset: Added to their rates.
     """
 
     torso_offset: Radian = 0.0
+    torso_lean: Radian = 0.0
     q_offset: Annotated[Five, Unit("rad")] = (0.0, 0.0, 0.0, 0.0, 0.0)
     dq_offset: Annotated[Five, Unit("rad/s")] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def q_change(self) -> Five:
+        """`q_offset` with the lean in [rad]; hip angles are those between torso and femurs."""
+        left, right, left_knee, right_knee, torso = self.q_offset
+        lean = self.torso_lean
+        return left - lean, right - lean, left_knee, right_knee, torso + lean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -228,6 +228,19 @@ def test_start_is_the_gaits_state_after_impact_with_the_offsets(model):
     assert q1 - q == pytest.approx([1, 2, 3, 4, 5.1]) and dq1 - dq == pytest.approx([5, 4, 3, 2, 1])
 
 
+def test_a_leaning_torso_leaves_the_legs_where_they_are():
+    belief = compose.load_belief(SHORT)
+    states = []
+    for lean in (0.0, 0.2):
+        scenario = with_values(SHORT, {"start.torso_lean": lean})
+        plant = compose.build_plant(scenario)
+        plant.reset(*compose.start_state(scenario, belief), "left")
+        states.append(plant.state())
+    upright, leaning = states
+    assert leaning.q[-1] - upright.q[-1] == pytest.approx(0.2)
+    assert leaning.foot == pytest.approx(upright.foot) and leaning.hip == pytest.approx(upright.hip)
+
+
 def test_belief_knows_nothing_of_the_plants_errors():
     """Whatever is wrong with the plant, controller and start are the same."""
     wrong = with_values(SHORT, {"plant.mass_factor.torso": 2.0, "plant.ground.slope": 0.05})
