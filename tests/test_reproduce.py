@@ -126,7 +126,7 @@ def test_fig7_is_about_the_worst_ratio_away_from_impacts() -> None:
 
 
 def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_other() -> None:
-    def results(nominal: float, doubled: float, fell: int) -> dict:
+    def results(nominal: float, doubled: float, fell: int, noise: float = 1e-2) -> dict:
         found = {}
         for plant in PLANTS:
             for controller, case in table2._cases():
@@ -139,9 +139,11 @@ def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_ot
                     "eigenvalues": np.full(9, value),
                     "h": np.array(1e-2),
                     "spread": np.array(1e-3),
+                    "noise": np.array(noise),
                     "roughness": np.array(1e-4),
                     "study_h": np.array([1e-2]),
                     "study_largest": np.array([value]),
+                    "study_noise": np.array([noise]),
                 }
                 if controller == "zd-pd" and case != "nominal":
                     entry = {"fell_in_step": np.array(fell), "residual": np.array(1.0)}
@@ -152,21 +154,27 @@ def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_ot
     assert holds(table2.evaluate(results(0.6, 0.8, 0), Effort()), "rigid") == [False, False, False, False, True]
     assert holds(table2.evaluate(results(0.6, 0.8, 2), Effort()), "mujoco") == [True] * 5
     assert holds(table2.evaluate(results(1.1, 1.2, 2), Effort()), "mujoco") == [False, False, True, True, False]
+    noisy = table2.evaluate(results(0.75, 0.8, 2, noise=0.05), Effort())
+    assert holds(noisy, "rigid") == [False, False, True, True, True]  # 0.05 is more than 0.02, less than 0.1
+    assert holds(table2.evaluate(results(0.75, 0.8, 2, noise=0.3), Effort()), "mujoco")[0] is False
 
 
-def test_fig8_compares_areas() -> None:
+def test_fig8_compares_areas_and_upper_boundaries() -> None:
     quick = Effort(quick=True)
 
-    def results(zd_top: int, mpc_top: int) -> dict:
+    def results(zd_top: int, mpc_top: int, last: int | None = None) -> dict:
         found = {}
         for name in fig8.tasks(quick):
             fate = np.zeros(7, dtype=int)
-            fate[2 : zd_top if "zd-pd" in name else mpc_top] = 1
+            top = last if last is not None and name.endswith("c-mpc/8") else mpc_top
+            fate[2 : zd_top if "zd-pd" in name else top] = 1
             found[name] = {"fate": fate, "steps": np.zeros(7, dtype=int)}
         return found
 
-    assert holds(fig8.evaluate(results(4, 6), quick), "rigid") == [True, True, None]
-    assert holds(fig8.evaluate(results(5, 5), quick), "rigid") == [False, False, None]
+    assert holds(fig8.evaluate(results(4, 6), quick), "rigid") == [True, True, True, True, None]
+    assert holds(fig8.evaluate(results(5, 5), quick), "rigid") == [False, False, False, False, None]
+    assert holds(fig8.evaluate(results(4, 6, last=3), quick), "rigid") == [True, True, False, False, None]
+    assert holds(fig8.evaluate(results(4, 6), quick), "mujoco") == [True, None, True, None, None]  # no foot underground
 
 
 def test_the_search_for_a_force_brackets_it() -> None:
@@ -319,8 +327,8 @@ def test_every_experiment_is_there_and_says_what_it_needs() -> None:
         quick, full = module.tasks(Effort(quick=True)), module.tasks(Effort())
         assert quick
         assert sum(t.cost for t in quick.values()) <= sum(t.cost for t in full.values())
-    grid = fig8.FULL
-    assert len(grid.torso) >= 25 and len(grid.force) >= 31
+    offsets, forces = fig8.SIZE
+    assert offsets >= 25 and forces >= 31
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sim.reproduce.measure import OUTCOMES
+from sim.reproduce.criteria import near, never_above, walks
 from sim.reproduce.panels import JOINT_STYLES, Level, LinePanel, Series, Span, same_scale, thinned
 from sim.reproduce.study import (
     JOINT_NAMES,
@@ -82,7 +82,7 @@ def _resolution(effort: Effort) -> float:
 
 
 def _walks_on(run: Arrays) -> bool:
-    return OUTCOMES[int(run["outcome"])] == "completed"
+    return walks(int(run["outcome"]))
 
 
 def _first_steps(run: Arrays, name: str) -> np.ndarray:
@@ -99,9 +99,9 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     def within(plant: str) -> Finding:
         run = results[f"{plant}/c-mpc"]
         peak = np.abs(run["u"]).max(axis=0)
-        walks = "walks on" if _walks_on(run) else f"falls in step {int(run['steps']) + 1}"
-        text = f"hips {peak[:2].max():.1f}, knees {peak[2:].max():.1f} N.m; {walks}"
-        return Finding(text=text, holds=bool((peak <= TORQUE_LIMITS + 1e-6).all()) and _walks_on(run))
+        fate = "walks on" if _walks_on(run) else f"falls in step {int(run['steps']) + 1}"
+        text = f"hips {peak[:2].max():.1f}, knees {peak[2:].max():.1f} N.m; {fate}"
+        return Finding(text=text, holds=never_above(float((peak / TORQUE_LIMITS).max()), 1.0) and _walks_on(run))
 
     def larger(statistic: str) -> Verdict:
         def judge(plant: str) -> Finding:
@@ -124,7 +124,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     def survived(step: int) -> Verdict:
         def judge(plant: str) -> Finding:
             force = margin(step, "zd-pd", plant)
-            return Finding(text=f"{force:g} N", holds=abs(force - PAPER_LIMIT) <= 0.1 * PAPER_LIMIT)
+            return Finding(text=f"{force:g} N", holds=near(force, PAPER_LIMIT))
 
         claim = f"largest force ZD+PD survives in step {step}, within 10 % of the paper's"
         return Verdict.of(claim, f"{PAPER_LIMIT:g} N", judge)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce.criteria import INCLINE
 from sim.reproduce.panels import CONTROLLER_STYLES, Level, LinePanel, Series
 from sim.reproduce.study import (
     CONTROLLER_NAMES,
@@ -26,7 +27,6 @@ START = 1.0  # [m], behind two and a half steps of level ground
 STEP = 0.4  # [m]
 BEYOND = 4  # steps behind the ramp
 STRIDE, RESOLUTION, STEEPEST = 0.02, 0.0025, 0.6  # [rad]
-NOTICEABLE = math.radians(1.0)
 
 
 def _steps(length: float) -> int:
@@ -77,10 +77,10 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         def judge(plant: str) -> Finding:
             steepest = slopes(plant, "c-mpc", direction)
             text = ", ".join(f"{math.degrees(s):.1f}" for s in steepest) + " deg"
-            return Finding(text=text, holds=bool((steepest >= NOTICEABLE).all()))
+            return Finding(text=text, holds=bool((steepest >= INCLINE).all()))
 
         of = ", ".join(f"{length:g}" for length in lengths)
-        claim = f"C-MPC walks {direction} unexpected ramps of {of} m, 1 deg at least"
+        claim = f"C-MPC walks {direction} unexpected ramps of {of} m, {math.degrees(INCLINE):g} deg at least"
         return Verdict.of(claim, "navigates (video)", judge)
 
     def steeper(direction: str) -> Verdict:

@@ -164,14 +164,16 @@ def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]
     Returns:
         "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
         of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread",
-        "roughness", "study_h", "study_largest".
+        "noise", "roughness", "study_h", "study_largest", "study_noise".
     """
     from sim import poincare
+    from sim.fixed_point import find_fixed_point
+    from sim.step_map import Fell
 
     rig = _rig(scenario)
     summary = rig.run(NoTape(), steps=15)
     fell = 0 if summary.outcome == Outcome.COMPLETED.value else summary.steps + 1
-    point = poincare.find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
+    point = find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
     found = {
         "converged": np.array(point.converged),
         "residual": np.array(point.residual),
@@ -183,14 +185,16 @@ def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]
         return found
     try:
         s = poincare.analyse(rig.step_map, rig.surface, point.x, step_sizes=tuple(step_sizes))
-    except poincare.Fell:
+    except Fell:
         return found
     return found | {
         "largest": np.array(s.largest),
         "eigenvalues": np.abs(s.eigenvalues),
         "h": np.array(s.h),
-        "spread": np.array(s.spread),
+        "spread": np.array(np.nan if s.spread is None else s.spread),
+        "noise": np.array(s.noise),
         "roughness": np.array(s.roughness),
         "study_h": np.array([row.h for row in s.study]),
         "study_largest": np.array([np.nan if row.largest is None else row.largest for row in s.study]),
+        "study_noise": np.array([row.noise for row in s.study]),
     }
