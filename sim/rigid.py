@@ -26,11 +26,8 @@ from sim.tables import JointTorques
 from sim.terrain import Terrain
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
-RK4_NODES = (0.0, 0.5, 0.5, 1.0)
-RK4_WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
 EPS = float(np.finfo(float).eps)
 HEIGHT = 1  # of what `_swing_foot` returns
-NO_IMPULSE = np.zeros(2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,14 +105,14 @@ class RigidPlant:
             return int(model.jnt_dofadr[model.joint(joint).id])
 
         self.legs = LegGeometry.of(model)
-        self._at = kernels.Layout(
-            hip=np.array([dof("hip_x"), dof("hip_z")]),
-            q=np.array([dof(name) for name in COORDINATES]),
-            damping=np.array(model.dof_damping),
-            lengths=np.array(self.legs.lengths),
-        )
-        self._scratch = kernels.new_scratch()
-        self._joint_dof = self._at.q[: len(JOINTS)]
+        self._work = work = np.zeros(1, kernels.WORK)
+        # Views into the record, which compiled code reads and writes.
+        self._pinned, self._foothold, self._y = work["leg"], work["foothold"][0], work["y"][0]
+        self._M, self._bias, self._applied = work["M"][0], work["bias"][0], work["applied"][0]
+        work["hip"], work["q"] = [dof("hip_x"), dof("hip_z")], [dof(name) for name in COORDINATES]
+        work["damping"], work["lengths"] = model.dof_damping, self.legs.lengths
+        self._hip_index = work["hip"][0]
+        self._joint_dof = work["q"][0, : len(JOINTS)]
         self._body_id = {name: model.body(name).id for name in BODIES}
         ipos = model.body_ipos
         self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
@@ -130,13 +127,26 @@ class RigidPlant:
     def _begin(self) -> None:
         self._ticks = 0
         self._q, self._dq = np.zeros(5), np.zeros(5)
-        self._leg = 0
-        self._foothold = np.array([0.0, self._terrain.height(0.0)])
+        self._stand(0, (0.0, self._terrain.height(0.0)))
         self._torque = np.zeros(4)  # [N.m]
         self._force_time = np.zeros((2, 2))  # [N.s] ground force (x, z) on each foot, integrated over the hold
         self._push = np.zeros(2)  # [N]
         self._forces: tuple[AppliedForce, ...] = ()
         self.impact: Impact | None = None
+
+    def _stand(self, leg: int, foothold: Sequence[float]) -> None:
+        """Pin a foot, 0 left, 1 right, at a point (x, z) in [m]."""
+        self._leg = leg
+        self._foothold[:] = foothold
+
+    @property
+    def _leg(self) -> int:
+        """The pinned foot, 0 left, 1 right."""
+        return int(self._pinned[0])
+
+    @_leg.setter
+    def _leg(self, leg: int) -> None:
+        self._pinned[0] = leg
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -170,7 +180,7 @@ class RigidPlant:
                 raise UserError(f"{name} = {vector} [{unit}]: must be 5 finite numbers, ordered as {order}")
         self._begin()
         self._q, self._dq = np.array(q, dtype=float), np.array(dq, dtype=float)
-        self._leg = LEGS.index(stance)
+        self._stand(LEGS.index(stance), self._foothold)
         ahead, height, rate = self._swing_foot(self._q, self._dq)
         if abs(height) <= ON_GROUND and ahead > 0.0 and rate < 0.0:
             self._land(0.0)
@@ -182,8 +192,8 @@ class RigidPlant:
     def state(self) -> PlantState:
         """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
         self._place(self._q, self._dq)
-        hip, dhip = self._qpos[self._at.hip], self._qvel[self._at.hip]
-        other = self._foothold + kernels.swing_foot(self._at, self._q, self._dq, self._leg)[:2]
+        hip, dhip = self._qpos[self._hip_index], self._qvel[self._hip_index]
+        other = self._foothold + kernels.swing_foot(self._work, self._q, self._dq)[:2]
         foot = np.array((self._foothold, other) if self._leg == 0 else (other, self._foothold))
         clearance, contact_force = [], []
         for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self._period).tolist(), strict=True):
@@ -226,8 +236,8 @@ class RigidPlant:
         self._torque = np.clip(u, -self.torque_limits, self.torque_limits)
         self._forces = tuple(forces)
         self._push = np.sum([applied.force for applied in forces], axis=0) if forces else np.zeros(2)
-        self._scratch.applied[:] = 0.0
-        self._scratch.applied[self._joint_dof] = self._torque
+        self._applied[:] = 0.0
+        self._applied[self._joint_dof] = self._torque
         self._force_time[:] = 0.0
         step = self._period / self._substeps
         for substep in range(self._substeps):
@@ -265,35 +275,34 @@ class RigidPlant:
 
     def _rk4(self, h: float) -> Vector:
         """Angles and rates after h [s] under the held torque, and the ground's impulse over h in [N.s], (12,)."""
-        start = np.concatenate((self._q, self._dq, NO_IMPULSE))
-        slopes = np.empty((4, 12))
-        y = start
-        for stage in range(4):
-            if stage:
-                y = start + (RK4_NODES[stage] * h) * slopes[stage - 1]
-            self._derivative(y, slopes[stage])
-        return start + (h * RK4_WEIGHTS) @ slopes
+        kernels.begin(self._work, self._q, self._dq, self._qpos, self._qvel)
+        for stage in range(kernels.STAGES):
+            self._look()
+            kernels.stage(self._work, stage, h, self._qpos, self._qvel)
+        return self._y.copy()
 
-    def _derivative(self, y: Vector, dy: Vector) -> None:
-        """Fill the derivative of what `_rk4` returns, (12,)."""
-        self._place(y[:5], y[5:10])
-        model, data, scratch = self._model, self._data, self._scratch
+    def _look(self) -> None:
+        """Inertia matrix, bias and applied forces where the walker has been placed."""
+        self._weigh()
+        mujoco.mj_comVel(self._model, self._data)
+        mujoco.mj_rne(self._model, self._data, 0, self._bias)
+        if self._forces:
+            self._apply()
+
+    def _weigh(self) -> None:
+        """Inertia matrix where the walker has been placed."""
+        model, data = self._model, self._data
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_makeM(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_rne(model, data, 0, scratch.bias)
-        mujoco.mj_fullM(model, data, scratch.M)
-        if self._forces:
-            self._apply()
-        kernels.derivative(self._at, y, self._leg, scratch, dy)
+        mujoco.mj_fullM(model, data, self._M)
 
     def _place(self, q: Vector, dq: Vector) -> None:
-        kernels.place(self._at, q, dq, self._leg, self._foothold, self._qpos, self._qvel)
+        kernels.place(self._work, q, dq, self._qpos, self._qvel)
 
     def _apply(self) -> None:
         """Generalised forces of motors and pushes at the present position."""
-        model, data, applied = self._model, self._data, self._scratch.applied
+        model, data, applied = self._model, self._data, self._applied
         applied[:] = 0.0
         applied[self._joint_dof] = self._torque
         for push in self._forces:
@@ -307,13 +316,9 @@ class RigidPlant:
         """The swing foot becomes the stance foot."""
         landing = 1 - self._leg
         self._place(self._q, self._dq)
-        model, data = self._model, self._data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_fullM(model, data, self._scratch.M)
+        self._weigh()
         after, impulse, old_foot = np.empty(5), np.empty(2), np.empty(2)
-        kernels.strike(self._at, self._q, self._dq, landing, self._scratch, after, impulse, old_foot)
+        kernels.strike(self._work, self._q, self._dq, after, impulse, old_foot)
         self.impact = Impact(
             t=t,
             stance=LEGS[self._leg],
@@ -323,12 +328,12 @@ class RigidPlant:
             impulse=impulse,
             old_foot=old_foot,
         )
-        self._foothold = self._qpos[self._at.hip] + self.legs.foot(self._q, landing)
-        self._leg, self._dq = landing, after
+        self._stand(landing, self._qpos[self._hip_index] + self.legs.foot(self._q, landing))
+        self._dq = after
 
     def _swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
         """Swing foot: distance ahead of the stance foot, height over the ground in [m], its rate in [m/s]."""
-        x, z, dx, dz = kernels.swing_foot(self._at, q, dq, self._leg)
+        x, z, dx, dz = kernels.swing_foot(self._work, q, dq)
         at = float(self._foothold[0]) + x
         ground = self._terrain.under(at)
         height = float(self._foothold[1]) + z - ground.height(at)
