@@ -56,7 +56,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                     function="sim.reproduce.measure:largest_survived",
                     arguments={
                         "scenario": effort.scenario(
-                            plant, controller, {"steps": STEPS, "pushes.0.force": 0.0, "pushes.0.step": step}
+                            plant, controller, {"steps": _steps(effort), "pushes.0.force": 0.0, "pushes.0.step": step}
                         ),
                         "path": "pushes.0.force",
                         "sign": 1.0,

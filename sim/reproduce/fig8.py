@@ -20,12 +20,11 @@ from sim.reproduce.study import (
 
 FORCES = (-40.0, 80.0)  # [N]
 READINGS = {
-    "torso": ("torso tilted about the hip", (-0.8, 0.8), PLANTS),
-    "q5": ("q5 alone: the whole walker tilted about its foot", (-0.2, 0.2), ("rigid",)),
+    "torso": ("torso tilted about the hip", (-0.8, 0.8), PLANTS, (25, 31), (7, 7)),
+    "q5": ("q5 alone: the whole walker tilted about its foot", (-0.2, 0.2), ("rigid",), (13, 13), (5, 5)),
 }
-"""Two readings of "we disturb q5", as `sim.basin` calls them: words, offsets in [rad], plants that can do it."""
-
-SIZE, QUICK_SIZE = (25, 31), (9, 7)  # offsets, forces
+"""Two readings of "we disturb q5", as `sim.basin` calls them: words, offsets in [rad], plants that can do it, and
+numbers of offsets and forces, in full and coarse."""
 
 CLASSES = ("neither", "ZD+PD only", "both", "C-MPC only")
 COLOURS = ("#f4f4f2", "#d9731a", "#8fb8de", "#1f5fa8")
@@ -33,15 +32,16 @@ IMPOSSIBLE = Finding(text="cannot be: the swing foot would start in the ground",
 
 
 def _grid(reading: str, effort: Effort) -> Grid:
-    offsets, forces = QUICK_SIZE if effort.quick else SIZE
-    return Grid.of((*READINGS[reading][1], offsets), (*FORCES, forces))
+    _, span, _, full, coarse = READINGS[reading]
+    offsets, forces = coarse if effort.quick else full
+    return Grid.of((*span, offsets), (*FORCES, forces))
 
 
 def _maps(effort: Effort) -> dict[str, tuple[str, str, Grid]]:
     """Name of a map -> plant, reading, grid."""
     return {
         f"{plant}-{reading}": (plant, reading, _grid(reading, effort))
-        for reading, (_, _, plants) in READINGS.items()
+        for reading, (_, _, plants, _, _) in READINGS.items()
         for plant in plants
     }
 
@@ -160,6 +160,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         )
         if undecided:
             notes.append(f"{name}: {undecided} points undecided after {STEPS} steps, counted as outside.")
+    sizes = [" x ".join(str(n) for n in READINGS[r][4 if effort.quick else 3]) for r in READINGS]
     return Evaluation(
         verdicts=(
             *(larger(reading) for reading in READINGS),
@@ -169,8 +170,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         panels=(tuple(panels),),
         tables=tables,
         notes=(
-            f"{len(grid.torso)} offsets x {len(grid.force)} forces, both controllers saturated. Converged: the "
-            f"state before an impact within {EPSILON:g} rad (rates in units of 4 rad/s) of the periodic one. "
+            f"{sizes[0]} offsets and forces, the literal reading {sizes[1]}; both controllers saturated. "
+            f"Converged: the state before an impact within {EPSILON:g} rad (rates in units of 4 rad/s) of the periodic one. "
             "Fates in the data: 0 fell, 1 converged, 2 undecided.",
             "'We disturb q5' is read in two ways. The literal one turns the whole walker about its foot, as the "
             "other four angles are relative to q5; above 0 it starts with the swing foot in the ground, which the "

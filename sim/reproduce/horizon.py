@@ -9,7 +9,7 @@ from sim.reproduce.fig5 import FORCE, PUSHED_STEP, between, rms
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series
 from sim.reproduce.study import PLANT_NAMES, PLANTS, Effort, Evaluation, Finding, Results, Task, Verdict
 
-HORIZONS = (10, 20, 50, 100, 200, 500, 1000, 2000)
+HORIZONS = (10, 20, 50, 100, 200, 500, 2000)
 QUICK = (20, 100, 300)
 CHOSEN = 100
 STEPS = 5

@@ -26,7 +26,7 @@ DIRECTIONS = {"up": 1.0, "down": -1.0}
 START = 1.0  # [m], behind two and a half steps of level ground
 STEP = 0.4  # [m]
 BEYOND = 4  # steps behind the ramp
-STRIDE, RESOLUTION, STEEPEST = 0.02, 0.0025, 0.6  # [rad]
+STRIDE, RESOLUTION, STEEPEST = 0.04, 0.005, 0.6  # [rad]
 
 
 def _steps(length: float) -> int:
@@ -52,8 +52,8 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                 ),
                 "path": "plant.ground.ramps.0.slope",
                 "sign": sign,
-                "stride": 2 * STRIDE if effort.quick else STRIDE,
-                "resolution": 2 * STRIDE if effort.quick else RESOLUTION,
+                "stride": STRIDE,
+                "resolution": 0.5 * STRIDE if effort.quick else RESOLUTION,
                 "limit": STEEPEST,
             },
             cost=_steps(length) * (20.0 if controller == "c-mpc" else 6.0),

@@ -22,7 +22,7 @@ from sim.reproduce.study import (
 )
 
 SIZES = (3e-2, 2e-2, 1e-2, 5e-3, 3e-3, 1e-3, 3e-4, 1e-4)  # [rad]
-QUICK_SIZES = (3e-2, 2e-2, 1e-2)
+QUICK_SIZES = (2e-2,)
 NOMINAL, DOUBLED = 0.75, 0.78
 
 CASES: dict[str, dict[str, Any]] = {
