@@ -171,8 +171,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         tables=tables,
         notes=(
             f"{sizes[0]} offsets and forces, the literal reading {sizes[1]}; both controllers saturated. "
-            f"Converged: the state before an impact within {EPSILON:g} rad (rates in units of 4 rad/s) of the periodic one. "
-            "Fates in the data: 0 fell, 1 converged, 2 undecided.",
+            f"Converged: the state before an impact within {EPSILON:g} rad (rates in units of 4 rad/s) of the "
+            "periodic one. Fates in the data: 0 fell, 1 converged, 2 undecided.",
             "'We disturb q5' is read in two ways. The literal one turns the whole walker about its foot, as the "
             "other four angles are relative to q5; above 0 it starts with the swing foot in the ground, which the "
             "pinned plant ignores and a plant with contact cannot do.",
