@@ -11,7 +11,21 @@ import pytest
 from controller.cascade import CascadedMpc
 from sim import cli
 from sim.errors import UserError
-from sim.reproduce import EXPERIMENTS, draw, fig3, fig4, fig5, fig6, fig7, fig8, measure, report, table2, tasks
+from sim.reproduce import (
+    EXPERIMENTS,
+    criteria,
+    draw,
+    fig3,
+    fig4,
+    fig5,
+    fig6,
+    fig7,
+    fig8,
+    measure,
+    report,
+    table2,
+    tasks,
+)
 from sim.reproduce.panels import LinePanel, Series, thinned
 from sim.reproduce.study import PLANTS, Effort, Evaluation, Finding, Task, Verdict
 
@@ -69,6 +83,7 @@ def made_up_walk(**changes) -> dict:
         "force": np.column_stack((np.full(n, 50.0), np.full(n, 100.0))),
         "u": np.full((n, 4), 40.0),
         "torque": np.full((n, 4), 40.0),
+        "slack": np.zeros(n),
         "outcome": np.array(0),
         "steps": np.array(10),
     }
@@ -112,6 +127,37 @@ def test_fig4_follows_its_data() -> None:
     assert holds(weak, "mujoco")[4:] == [False] * 4
 
 
+def test_fig6_compares_the_windows_of_one_run() -> None:
+    def results(before: float, after: float, alone: float) -> dict:
+        def walked(*rms: float) -> dict:
+            u_mpc = np.repeat(rms, 100)[:, None] * np.ones(4)
+            n = len(u_mpc)
+            landed = np.arange(100, n + 1, 100)
+            return {"t": np.arange(n) * 1e-3, "landed": landed, "u_mpc": u_mpc, "u_zd": np.full((n, 4), 20.0)}
+
+        pushed = walked(before, 10.0, *[5.0] * 6, *[after] * 4)
+        return {
+            f"{plant}/{n}": r
+            for plant in PLANTS
+            for n, r in (("pushed", pushed), ("undisturbed", walked(*[alone] * 15)))
+        }
+
+    assert holds(fig6.evaluate(results(0.9, 0.9, 1.9), Effort()), "rigid") == [True, True, True]
+    assert holds(fig6.evaluate(results(1.1, 1.1, 2.1), Effort()), "mujoco") == [False, False, False]
+
+
+@pytest.mark.parametrize(
+    "rule", [criteria.negligible, criteria.never_above, criteria.above, criteria.no_worse, criteria.no_larger]
+)
+def test_nothing_holds_of_a_value_that_is_not_there(rule) -> None:
+    assert rule(float("nan"), 1.0) is False
+    assert criteria.measured(float("nan"), 1.0) is False
+
+
+def test_every_experiment_is_judged_by_a_rule() -> None:
+    assert set(EXPERIMENTS) == {name for rule in criteria.RULES for name in rule.used.split(", ")}
+
+
 def test_fig7_is_about_the_worst_ratio_away_from_impacts() -> None:
     def results(ratio: float, spike_at: int) -> dict:
         force = np.column_stack((np.full(1200, 100.0 * ratio), np.full(1200, 100.0)))
@@ -125,7 +171,9 @@ def test_fig7_is_about_the_worst_ratio_away_from_impacts() -> None:
 
     quick = Effort(quick=True)
     assert holds(fig7.evaluate(results(0.59, 305), quick), "rigid") == [True, True]  # an impact's force
-    assert holds(fig7.evaluate(results(0.59, 450), quick), "rigid") == [False, True]
+    over = fig7.evaluate(results(0.59, 450), quick)
+    assert holds(over, "rigid") == [False, True]
+    assert any("1 ticks above mu, the rows softened in 0" in note for note in over.notes)
     assert holds(fig7.evaluate(results(0.7, 305), quick), "rigid") == [False, True]
 
 

@@ -25,6 +25,7 @@ class Record:
         self._rows: list[tuple[NDArray[np.float64], ...]] = []
         self._forces: list[Vector] = []
         self._stance: list[int] = []
+        self._slack: list[float] = []
         self._landed: list[int] = []
         self._last: PlantState | None = None
 
@@ -35,6 +36,7 @@ class Record:
         joints = (step.u_zd, step.u_mpc, step.u_total, applied)
         self._rows.append((state.q, step.y, step.dy, *(u[order] for u in joints), state.hip, state.foot.ravel()))
         self._forces.append(state.contact_force)
+        self._slack.append(step.slack)
         self._stance.append(0 if step.stance == "left" else 1)
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
@@ -47,7 +49,8 @@ class Record:
 
         "t" (n,), "q" (n, 5) body order, "y", "dy", "u_zd", "u_mpc", "u", "torque" (n, 4) stance order, "hip"
         (n, 2), "foot" (n, 4), "force" (n, 2) tangential and normal force on the stance foot over each hold,
-        "stance" (n,) 0 left, "landed" ticks of the touch-downs.
+        "stance" (n,) 0 left, "slack" (n,) [N] by which friction rows were softened anywhere in the horizon, "landed"
+        ticks of the touch-downs.
         """
         names = ("q", "y", "dy", "u_zd", "u_mpc", "u", "torque", "hip", "foot")
         columns = dict(zip(names, (np.array(column) for column in zip(*self._rows, strict=True)), strict=True))
@@ -59,6 +62,7 @@ class Record:
             **columns,
             "force": over_hold[np.arange(len(stance)), stance],
             "stance": stance,
+            "slack": np.array(self._slack),
             "landed": np.array(self._landed, dtype=int),
         }
 

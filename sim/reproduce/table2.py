@@ -51,6 +51,11 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     }
 
 
+def _study(found: Arrays) -> str:
+    rows = zip(found["study_h"], found["study_largest"], found["study_noise"], strict=True)
+    return "; ".join(f"{h:g} rad {'falls' if np.isnan(v) else f'{v:.3f}'} ({noise:.1g})" for h, v, noise in rows)
+
+
 def _words(found: Arrays) -> str:
     step = int(found["fell_in_step"])
     fall = f"falls in step {step}" if step else ""
@@ -135,7 +140,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 f"{float(found['spread']):.1g}, noise floor {float(found['noise']):.1g}; "
                 f"residual of the fixed point {float(found['residual']):.1e}, scatter of the walk on the map "
                 f"{float(found['scatter']):.1e}, roughness of the map "
-                f"{float(found['roughness']):.1e} rad."
+                f"{float(found['roughness']):.1e} rad. Perturbation, eigenvalue and noise floor: {_study(found)}."
             )
     return Evaluation(
         verdicts=(
