@@ -27,7 +27,7 @@ KINDS = {
 
 RATIO, RUNGS = 2.0, 12  # standard deviations form a ladder: least * RATIO ** rung
 SEEDS, QUICK_SEEDS = 20, 2
-STEPS, QUICK_STEPS = 6, 4
+STEPS, QUICK_STEPS = 5, 4
 
 
 def ladder(kind: str) -> np.ndarray:
