@@ -25,7 +25,7 @@ class Record:
         self._rows: list[tuple[NDArray[np.float64], ...]] = []
         self._forces: list[Vector] = []
         self._stance: list[int] = []
-        self._slack: list[float] = []
+        self._scalars: list[tuple[float, float, float]] = []
         self._landed: list[int] = []
         self._last: PlantState | None = None
 
@@ -36,7 +36,8 @@ class Record:
         joints = (step.u_zd, step.u_mpc, step.u_total, applied)
         self._rows.append((state.q, step.y, step.dy, *(u[order] for u in joints), state.hip, state.foot.ravel()))
         self._forces.append(state.contact_force)
-        self._slack.append(step.slack)
+        swing = 1 if step.stance == "left" else 0
+        self._scalars.append((step.slack, float(state.clearance[swing]), step.impact_in))
         self._stance.append(0 if step.stance == "left" else 1)
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
@@ -49,12 +50,14 @@ class Record:
 
         "t" (n,), "q" (n, 5) body order, "y", "dy", "u_zd", "u_mpc", "u", "torque" (n, 4) stance order, "hip"
         (n, 2), "foot" (n, 4), "force" (n, 2) tangential and normal force on the stance foot over each hold,
-        "stance" (n,) 0 left, "slack" (n,) [N] by which friction rows were softened anywhere in the horizon, "landed"
-        ticks of the touch-downs.
+        "stance" (n,) 0 left, "slack" (n,) [N] by which friction rows were softened anywhere in the horizon,
+        "clearance" (n,) of the swing foot over the ground, "impact_in" (n,) ticks to the impact the controller
+        expects, -1 for none, "landed" ticks of the touch-downs.
         """
         names = ("q", "y", "dy", "u_zd", "u_mpc", "u", "torque", "hip", "foot")
         columns = dict(zip(names, (np.array(column) for column in zip(*self._rows, strict=True)), strict=True))
         stance = np.array(self._stance)
+        slack, clearance, impact_in = np.array(self._scalars).T
         # The state of tick k + 1 carries the mean force over hold k.
         over_hold = np.array([*self._forces[1:], np.full((2, 2), np.nan)])
         return {
@@ -62,7 +65,9 @@ class Record:
             **columns,
             "force": over_hold[np.arange(len(stance)), stance],
             "stance": stance,
-            "slack": np.array(self._slack),
+            "slack": slack,
+            "clearance": clearance,
+            "impact_in": impact_in.astype(int),
             "landed": np.array(self._landed, dtype=int),
         }
 
