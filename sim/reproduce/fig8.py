@@ -59,7 +59,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                 "epsilon": EPSILON,
                 "steps": STEPS,
             },
-            cost=len(grid.force) * (4.0 if controller == "c-mpc" else 1.0),
+            cost=len(grid.force) * (12.0 if controller == "c-mpc" else 3.0),
         )
         for name, (plant, axis, grid) in _maps(effort).items()
         for controller in CONTROLLERS
