@@ -97,7 +97,7 @@ def analyse(
             progress(done, len(step_sizes))
     if not jacobians:
         raise Fell("a perturbed walker falls at every step size of the study")
-    residual, roughness = _roughness(P, surface, x, next(iter(jacobians.values())))
+    residual, roughness = _jumps(P, surface, x, list(jacobians.values()))
     jumps = max(residual, roughness)
     eigenvalues = {h: _sorted_eigenvalues(J) for h, J in jacobians.items()}
     study = tuple(
@@ -133,15 +133,12 @@ def _flattest(study: tuple[StepSizeRow, ...]) -> tuple[StepSizeRow, float | None
     return rows[best + 1], float(spreads[best])
 
 
-def _roughness(P: StepMap, surface: Surface, x: Vector, J: Vector) -> tuple[float, float]:
-    """Residual at x, and what the map does beside J under small perturbations."""
+def _jumps(P: StepMap, surface: Surface, x: Vector, jacobians: list[Vector]) -> tuple[float, float]:
+    """Residual at x, and the most that P does beside a Jacobian under small perturbations; beside the best of them."""
     V = surface.basis(x)
     here = P(x)
     rng = np.random.default_rng(0)
-    worst = 0.0
-    for _ in range(PROBES):
-        move = rng.normal(size=9)
-        move *= PROBE / np.linalg.norm(move)
-        beside = reduce(V, P(surface.project(x + expand(V, move))) - here) - J @ move
-        worst = max(worst, float(np.linalg.norm(beside)))
-    return distance(here, x), worst
+    moves = rng.normal(size=(PROBES, 9))
+    moves *= PROBE / np.linalg.norm(moves, axis=1, keepdims=True)
+    found = np.array([reduce(V, P(surface.project(x + expand(V, move))) - here) for move in moves])
+    return distance(here, x), min(float(np.linalg.norm(found - moves @ J.T, axis=1).max()) for J in jacobians)
