@@ -33,7 +33,7 @@ def distance(a: Vector, b: Vector) -> float:
     return float(np.linalg.norm(scaled(a - b)))
 
 
-def jacobian(P: StepMap, surface: Surface, x: Vector, h: float) -> Vector:
+def jacobian(P: StepMap, surface: Surface, x: Vector, h: float, directions: Vector | None = None) -> Vector:
     """Jacobian of P along S by central differences, (9, 9), in scaled coordinates of `Surface.basis`.
 
     Args:
@@ -41,18 +41,19 @@ def jacobian(P: StepMap, surface: Surface, x: Vector, h: float) -> Vector:
         surface: S.
         x: Where, (10,), on S.
         h: Perturbation in [rad].
+        directions: Orthonormal columns along which to perturb, (9, 9), in the same coordinates; the axes by default.
 
     Raises:
         Fell: a perturbed walker falls.
     """
     V = surface.basis(x)
+    along = np.eye(9) if directions is None else directions
     J = np.empty((9, 9))
     for column in range(9):
-        move = np.zeros(9)
-        move[column] = h
+        move = h * along[:, column]
         ahead, behind = (P(surface.project(x + expand(V, sign * move))) for sign in (1.0, -1.0))
         J[:, column] = reduce(V, ahead - behind) / (2.0 * h)
-    return J
+    return J @ along.T
 
 
 def reduce(V: Vector, difference: Vector) -> Vector:

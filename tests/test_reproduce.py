@@ -190,12 +190,11 @@ def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_ot
                     "largest": np.array(value),
                     "eigenvalues": np.full(9, value),
                     "h": np.array(1e-2),
-                    "spread": np.array(1e-3),
                     "noise": np.array(noise),
                     "roughness": np.array(1e-4),
                     "study_h": np.array([1e-2]),
                     "study_largest": np.array([value]),
-                    "study_noise": np.array([noise]),
+                    "study_jumps": np.array([0.1]),
                 }
                 if controller == "zd-pd" and case != "nominal":
                     entry = {"fell_in_step": np.array(fell), "residual": np.array(1.0)}

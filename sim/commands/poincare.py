@@ -109,14 +109,15 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
     except Fell as fall:
         report["free_walk_scatter"], report["free_walk"] = None, str(fall)
     if point.converged:
-        sizes = poincare.STEP_SIZES if step_size is None else (step_size,)
+        sizes = poincare.STEP_SIZES if step_size is None else ()
         try:
             stability = poincare.analyse(
                 rig.step_map,
                 rig.surface,
                 point.x,
+                h=step_size or poincare.PERTURBATION,
                 step_sizes=sizes,
-                progress=lambda done, of: say(f"step-size study: {done} of {of}"),
+                progress=lambda done, of: say(f"Jacobians: {done} of {of}"),
             )
         except Fell as fall:
             report["message"] = str(fall)
@@ -125,8 +126,7 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
                 "largest": stability.largest,
                 "eigenvalues": [[value.real, value.imag] for value in stability.eigenvalues.tolist()],
                 "step_size": stability.h,
-                "spread": stability.spread,
-                "noise": stability.noise,
+                "noise": stability.noise if math.isfinite(stability.noise) else None,
                 "roughness": stability.roughness,
                 "study": [dataclasses.asdict(row) for row in stability.study],
             }
@@ -163,15 +163,14 @@ def _text(report: dict[str, Any], scenario: Scenario) -> str:
         row("scatter of a free walk", f"{scatter:.1e} rad, as the phase of ticks and impacts drifts")
     if "largest" in report:
         row("largest |eigenvalue|", f"{report['largest']:.4f}, perturbation {report['step_size']:g} rad")
-        row("noise floor", f"{report['noise']:.1g}: jumps of the map, or the residual, over the perturbation")
-        if report["spread"] is not None:
-            row("step-size study", f"its neighbours' values differ by {report['spread']:.1g} at most")
+        noise = "unknown: the walker falls" if report["noise"] is None else f"{report['noise']:.1g}"
+        row("noise floor", f"{noise}, standard deviation over perturbations along other directions")
         magnitudes = sorted((math.hypot(*value) for value in report["eigenvalues"]), reverse=True)
         row("all |eigenvalues|", " ".join(f"{value:.3f}" for value in magnitudes))
         row("roughness of the map", f"{report['roughness']:.1e} rad at perturbations of 1e-4 rad")
-        lines.append("  perturbation [rad]   largest |eigenvalue|   noise floor")
+        lines.append("  perturbation [rad]   largest |eigenvalue|   jumps of the map over it")
         for entry in report["study"]:
             value = "falls" if entry["largest"] is None else f"{entry['largest']:.5f}"
-            mark = "  <- chosen" if entry["h"] == report["step_size"] else ""
-            lines.append(f"  {entry['h']:<18g}   {value:<20}   {entry['noise']:.1e}{mark}")
+            mark = "  <- reported" if entry["h"] == report["step_size"] else ""
+            lines.append(f"  {entry['h']:<18g}   {value:<20}   {entry['jumps']:.1e}{mark}")
     return "\n".join(lines)

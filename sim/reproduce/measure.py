@@ -167,13 +167,13 @@ def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: i
     return {"value": np.array(value), "tried": np.array(tried), "survived": np.array(counts)}
 
 
-def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]:
+def stability(scenario: str, step_sizes: list[float], repeats: int) -> dict[str, NDArray[Any]]:
     """Fixed point and eigenvalues of the step map (`sim.poincare`).
 
     Returns:
         "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
-        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread",
-        "noise", "roughness", "study_h", "study_largest", "study_noise".
+        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h",
+        "noise", "roughness", "study_h", "study_largest", "study_jumps".
     """
     from sim import poincare
     from sim.fixed_point import find_fixed_point
@@ -193,17 +193,16 @@ def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]
     if not point.converged:
         return found
     try:
-        s = poincare.analyse(rig.step_map, rig.surface, point.x, step_sizes=tuple(step_sizes))
+        s = poincare.analyse(rig.step_map, rig.surface, point.x, step_sizes=tuple(step_sizes), repeats=repeats)
     except Fell:
         return found
     return found | {
         "largest": np.array(s.largest),
         "eigenvalues": np.abs(s.eigenvalues),
         "h": np.array(s.h),
-        "spread": np.array(np.nan if s.spread is None else s.spread),
         "noise": np.array(s.noise),
         "roughness": np.array(s.roughness),
         "study_h": np.array([row.h for row in s.study]),
         "study_largest": np.array([np.nan if row.largest is None else row.largest for row in s.study]),
-        "study_noise": np.array([row.noise for row in s.study]),
+        "study_jumps": np.array([row.jumps for row in s.study]),
     }
