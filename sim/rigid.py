@@ -15,10 +15,10 @@ import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
-from sim import rigid_kernels as kernels
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, JOINTS, AppliedForce, Observation, PlantState, Vector
-from sim.kinematics import LEGS, LegGeometry
+from sim.kinematics import LEGS
+from sim.pinned import PinnedWalker
 from sim.plant import DETECTED_LINKS, whole_substeps
 from sim.plant_spec import BODIES, build_spec
 from sim.scenario import PlantSettings
@@ -100,19 +100,8 @@ class RigidPlant:
         self._model = model = spec.compile()
         self._data = data = mujoco.MjData(model)
         self.mjcf_text: str = spec.to_xml()
-
-        def dof(joint: str) -> int:
-            return int(model.jnt_dofadr[model.joint(joint).id])
-
-        self.legs = LegGeometry.of(model)
-        self._work = work = np.zeros(1, kernels.WORK)
-        # Views into the record, which compiled code reads and writes.
-        self._pinned, self._foothold, self._y = work["leg"], work["foothold"][0], work["y"][0]
-        self._M, self._bias, self._applied = work["M"][0], work["bias"][0], work["applied"][0]
-        work["hip"], work["q"] = [dof("hip_x"), dof("hip_z")], [dof(name) for name in COORDINATES]
-        work["damping"], work["lengths"] = model.dof_damping, self.legs.lengths
-        self._hip_index = work["hip"][0]
-        self._joint_dof = work["q"][0, : len(JOINTS)]
+        self._walker = PinnedWalker(model, data)
+        self.legs = self._walker.legs
         self._body_id = {name: model.body(name).id for name in BODIES}
         ipos = model.body_ipos
         self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
@@ -121,32 +110,17 @@ class RigidPlant:
         self.torque_limits = limits[actuators]
         sizes = [model.geom(name).size for name in DETECTED_LINKS]
         self._capsules = [(2.0 * float(size[1]), float(size[0])) for size in sizes]  # [m] length, thickness
-        self._qpos, self._qvel = data.qpos, data.qvel  # live views, written only
         self._begin()
 
     def _begin(self) -> None:
         self._ticks = 0
         self._q, self._dq = np.zeros(5), np.zeros(5)
-        self._stand(0, (0.0, self._terrain.height(0.0)))
+        self._walker.leg, self._walker.foothold[:] = 0, (0.0, self._terrain.height(0.0))
         self._torque = np.zeros(4)  # [N.m]
         self._force_time = np.zeros((2, 2))  # [N.s] ground force (x, z) on each foot, integrated over the hold
         self._push = np.zeros(2)  # [N]
         self._forces: tuple[AppliedForce, ...] = ()
         self.impact: Impact | None = None
-
-    def _stand(self, leg: int, foothold: Sequence[float]) -> None:
-        """Pin a foot, 0 left, 1 right, at a point (x, z) in [m]."""
-        self._leg = leg
-        self._foothold[:] = foothold
-
-    @property
-    def _leg(self) -> int:
-        """The pinned foot, 0 left, 1 right."""
-        return int(self._pinned[0])
-
-    @_leg.setter
-    def _leg(self, leg: int) -> None:
-        self._pinned[0] = leg
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -180,7 +154,7 @@ class RigidPlant:
                 raise UserError(f"{name} = {vector} [{unit}]: must be 5 finite numbers, ordered as {order}")
         self._begin()
         self._q, self._dq = np.array(q, dtype=float), np.array(dq, dtype=float)
-        self._stand(LEGS.index(stance), self._foothold)
+        self._walker.leg = LEGS.index(stance)
         ahead, height, rate = self._swing_foot(self._q, self._dq)
         if abs(height) <= ON_GROUND and ahead > 0.0 and rate < 0.0:
             self._land(0.0)
@@ -191,10 +165,10 @@ class RigidPlant:
 
     def state(self) -> PlantState:
         """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
-        self._place(self._q, self._dq)
-        hip, dhip = self._qpos[self._hip_index], self._qvel[self._hip_index]
-        other = self._foothold + kernels.swing_foot(self._work, self._q, self._dq)[:2]
-        foot = np.array((self._foothold, other) if self._leg == 0 else (other, self._foothold))
+        walker = self._walker
+        hip, dhip = walker.place(self._q, self._dq)
+        other = walker.foothold + walker.swing_foot(self._q, self._dq)[:2]
+        foot = np.array((walker.foothold, other) if walker.leg == 0 else (other, walker.foothold))
         clearance, contact_force = [], []
         for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self._period).tolist(), strict=True):
             ground = self._terrain.under(x)
@@ -236,8 +210,7 @@ class RigidPlant:
         self._torque = np.clip(u, -self.torque_limits, self.torque_limits)
         self._forces = tuple(forces)
         self._push = np.sum([applied.force for applied in forces], axis=0) if forces else np.zeros(2)
-        self._applied[:] = 0.0
-        self._applied[self._joint_dof] = self._torque
+        self._walker.load(self._torque, self._forces)
         self._force_time[:] = 0.0
         step = self._period / self._substeps
         for substep in range(self._substeps):
@@ -251,7 +224,7 @@ class RigidPlant:
 
     def _advance(self, t: float, duration: float) -> None:
         """One step of integration, cut at an impact if there is one in it."""
-        y = self._rk4(duration)
+        y = self._walker.after(self._q, self._dq, duration)
         before = self._swing_foot(self._q, self._dq)[HEIGHT]
         ahead, height, _ = self._swing_foot(y[:5], y[5:10])
         if not (height <= 0.0 < before and ahead > 0.0):
@@ -259,88 +232,46 @@ class RigidPlant:
             return
 
         def height_at(tau: float) -> float:
-            there = self._rk4(tau)
+            there = self._walker.after(self._q, self._dq, tau)
             return self._swing_foot(there[:5], there[5:10])[HEIGHT]
 
         tau = float(brentq(height_at, 0.0, duration, xtol=EPS * duration, rtol=4 * EPS))
-        self._take(self._rk4(tau))
+        self._take(self._walker.after(self._q, self._dq, tau))
         self._land(t + tau)
         if tau < duration:
             self._advance(t + tau, duration - tau)
 
     def _take(self, y: Vector) -> None:
-        """Make the result of `_rk4` the present."""
+        """Make the result of a step the present."""
         self._q, self._dq = y[:5], y[5:10]
-        self._force_time[self._leg] += y[10:]
-
-    def _rk4(self, h: float) -> Vector:
-        """Angles and rates after h [s] under the held torque, and the ground's impulse over h in [N.s], (12,)."""
-        kernels.begin(self._work, self._q, self._dq, self._qpos, self._qvel)
-        for stage in range(kernels.STAGES):
-            self._look()
-            kernels.stage(self._work, stage, h, self._qpos, self._qvel)
-        return self._y.copy()
-
-    def _look(self) -> None:
-        """Inertia matrix, bias and applied forces where the walker has been placed."""
-        self._weigh()
-        mujoco.mj_comVel(self._model, self._data)
-        mujoco.mj_rne(self._model, self._data, 0, self._bias)
-        if self._forces:
-            self._apply()
-
-    def _weigh(self) -> None:
-        """Inertia matrix where the walker has been placed."""
-        model, data = self._model, self._data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_fullM(model, data, self._M)
-
-    def _place(self, q: Vector, dq: Vector) -> None:
-        kernels.place(self._work, q, dq, self._qpos, self._qvel)
-
-    def _apply(self) -> None:
-        """Generalised forces of motors and pushes at the present position."""
-        model, data, applied = self._model, self._data, self._applied
-        applied[:] = 0.0
-        applied[self._joint_dof] = self._torque
-        for push in self._forces:
-            body = self._body_id[push.body]
-            frame = data.xmat[body].reshape(3, 3)
-            point = data.xpos[body] + frame @ np.array([push.point[0], 0.0, push.point[1]])
-            force = np.array([push.force[0], 0.0, push.force[1]])
-            mujoco.mj_applyFT(model, data, force, np.zeros(3), point, body, applied)
+        self._force_time[self._walker.leg] += y[10:]
 
     def _land(self, t: float) -> None:
         """The swing foot becomes the stance foot."""
-        landing = 1 - self._leg
-        self._place(self._q, self._dq)
-        self._weigh()
-        after, impulse, old_foot = np.empty(5), np.empty(2), np.empty(2)
-        kernels.strike(self._work, self._q, self._dq, after, impulse, old_foot)
+        stance = LEGS[self._walker.leg]
+        after, impulse, old_foot = self._walker.strike(self._q, self._dq)
         self.impact = Impact(
             t=t,
-            stance=LEGS[self._leg],
+            stance=stance,
             q=self._q,
             dq=self._dq,
             dq_after=after,
             impulse=impulse,
             old_foot=old_foot,
         )
-        self._stand(landing, self._qpos[self._hip_index] + self.legs.foot(self._q, landing))
         self._dq = after
 
     def _swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
         """Swing foot: distance ahead of the stance foot, height over the ground in [m], its rate in [m/s]."""
-        x, z, dx, dz = kernels.swing_foot(self._work, q, dq)
-        at = float(self._foothold[0]) + x
+        x, z, dx, dz = self._walker.swing_foot(q, dq)
+        foot_x, foot_z = self._walker.foothold.tolist()
+        at = foot_x + x
         ground = self._terrain.under(at)
-        height = float(self._foothold[1]) + z - ground.height(at)
+        height = foot_z + z - ground.height(at)
         return x, height, dz - math.tan(ground.angle) * dx
 
     def _contact(self) -> tuple[bool, bool]:
-        return self._leg == 0, self._leg == 1
+        return self._walker.leg == 0, self._walker.leg == 1
 
     def _penetrating(self, hip: Sequence[float]) -> tuple[str, ...]:
         """Links whose capsule reaches the ground, of those the other plant senses."""
