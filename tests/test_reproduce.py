@@ -21,6 +21,7 @@ from sim.reproduce import (
     fig6,
     fig7,
     fig8,
+    incline,
     measure,
     report,
     table2,
@@ -208,6 +209,30 @@ def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_ot
     noisy = table2.evaluate(results(0.75, 0.8, 2, noise=0.05), Effort())
     assert holds(noisy, "rigid") == [False, False, True, True, True]  # 0.05 is more than 0.02, less than 0.1
     assert holds(table2.evaluate(results(0.75, 0.8, 2, noise=0.3), Effort()), "mujoco")[0] is False
+
+
+def test_incline_says_when_a_foot_in_the_air_was_expected_to_land() -> None:
+    def results(clearance: float, zd: float, mpc: float) -> dict:
+        n = 1200
+        late = np.where(np.arange(n) < 100, clearance, 0.0)  # [m]
+        walked = made_up_walk(
+            clearance=late,
+            impact_in=np.ones(n, dtype=int),
+            u_mpc=np.full((n, 4), 30.0),
+            hip=np.column_stack((np.arange(n) * 0.8e-3, np.full(n, 0.7))),
+        )
+        slopes = {"zd-pd": zd, "c-mpc": mpc}
+        return {
+            name: walked if "/walk/" in name else {"value": np.array(slopes[name.split("/")[1]])}
+            for name in incline.tasks(Effort())
+        }
+
+    found = incline.evaluate(results(0.01, 0.04, 0.02), Effort())
+    assert holds(found, "rigid") == [True, True, False, False]
+    assert any("in 100 ticks its prediction lands" in note and "0.80 m/s" in note for note in found.notes)
+    found = incline.evaluate(results(0.0, 0.01, 0.015), Effort())
+    assert holds(found, "mujoco") == [False, False, True, True]
+    assert not any("touch-down is late" in note for note in found.notes)
 
 
 def test_fig8_compares_areas_and_upper_boundaries() -> None:
