@@ -136,9 +136,14 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 return IMPOSSIBLE
             zd, mpc = (_top(inside[name, controller], maps[name][2]) for controller in CONTROLLERS)
             above, below = int((mpc > zd).sum()), int((mpc < zd).sum())
-            lift = (mpc - zd)[np.isfinite(zd) & np.isfinite(mpc)]
+            both = np.isfinite(zd) & np.isfinite(mpc)
+            lift = mpc[both] - zd[both]
             text = f"higher at {above}, lower at {below} of {len(zd)} offsets"
-            text += f"; {lift.mean():+.1f} N in the mean, {lift.min():+.1f} at worst" if len(lift) else ""
+            text += (
+                f"; where both survive {lift.mean():+.1f} N in the mean, {lift.min():+.1f} at worst"
+                if len(lift)
+                else ""
+            )
             return Finding(text=text, holds=above > 0 and below == 0)
 
         claim = f"{READINGS[reading][0]}: its upper boundary is nowhere below ZD+PD's, and above it somewhere"

@@ -24,7 +24,7 @@ from sim.reproduce.study import (
 )
 
 LENGTHS = (0.3, 1.0, 3.0)  # [m]
-QUICK_LENGTHS = (1.0,)
+QUICK_LENGTHS = (0.3, 1.0)
 DIRECTIONS = {"up": 1.0, "down": -1.0}
 START = 1.0  # [m], behind two and a half steps of level ground
 STEP = 0.4  # [m]
