@@ -241,7 +241,7 @@ def test_fig8_compares_areas_and_upper_boundaries() -> None:
     def results(zd_top: int, mpc_top: int, last: int | None = None) -> dict:
         found = {}
         for name in fig8.tasks(quick):
-            fate = np.zeros(7 if "torso" in name else 5, dtype=int)
+            fate = np.zeros(5, dtype=int)
             top = last if last is not None and name.endswith(("torso/c-mpc/6", "q5/c-mpc/4")) else mpc_top
             fate[2 : zd_top if "zd-pd" in name else top] = 1
             found[name] = {"fate": fate, "steps": 0 * fate}

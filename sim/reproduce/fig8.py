@@ -20,7 +20,7 @@ from sim.reproduce.study import (
 
 FORCES = (-40.0, 80.0)  # [N]
 READINGS = {
-    "torso": ("torso tilted about the hip", (-0.8, 0.8), PLANTS, (25, 31), (7, 7)),
+    "torso": ("torso tilted about the hip", (-0.8, 0.8), PLANTS, (25, 31), (7, 5)),
     "q5": ("q5 alone: the whole walker tilted about its foot", (-0.2, 0.2), ("rigid",), (13, 13), (5, 5)),
 }
 """Two readings of "we disturb q5", as `sim.basin` calls them: words, offsets in [rad], plants that can do it, and
