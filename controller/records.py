@@ -103,7 +103,7 @@ class ControlStep:
 
     Attributes:
         stance: Leg the controller believes to stand, "left" or "right".
-        u_zd: ZD+PD share of the torque in [N.m], (4,), not saturated.
+        u_zd: ZD+PD share of the torque in [N.m], (4,), not saturated; the feed-forward of a law without ZD+PD inside.
         u_mpc: MPC share in [N.m], (4,).
         u_total: Commanded torque, Eq. (23), in [N.m], (4,).
         y: Outputs, Eq. (5), in [rad], (4,).
@@ -113,8 +113,8 @@ class ControlStep:
         s: Normalised clock, 0 to 1 over a nominal step.
         contact_force: Stance force expected under `u_total`, (tangential, normal) in [N], (2,).
         impact_in: Ticks to the first predicted impact, -1 if none within the horizon.
-        status: "zd-pd", "optimal", "suboptimal" for a plan that could be better, or why the tick fell back to
-            saturated ZD+PD.
+        status: "zd-pd", "optimal", "suboptimal" for a plan that could be better, "relaxed" where the limits left no
+            way to what a law guarantees, or why the tick fell back to saturated ZD+PD.
         fallback: Whether it did.
         iterations: Solver iterations.
         residuals: Feasibility, stationarity and complementarity residuals of the solved problem, (3,).

@@ -1,26 +1,19 @@
-"""The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
+"""The composition root: `sim/compose*.py` alone know both worlds; here a run is put together."""
 
 import contextlib
-import functools
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from controller import kernels
-from controller.cascade import CascadedMpc, Friction, Weights
 from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
-from controller.errors import ControllerInputError
-from controller.gait import Gait, load_gait
-from controller.model import WalkerModel
-from controller.qp import ROWS, Solver
+from controller.qp import Solver
 from controller.solvers import make_solver
-from controller.zero_dynamics import ZeroDynamicsController
 from sim import provenance
 from sim.actuation import Actuation
-from sim.errors import UserError
+from sim.compose_controllers import Belief, build_controller, known_belief, load_belief
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
 from sim.kinematics import LEGS
@@ -31,7 +24,7 @@ from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
 from sim.rig import Rig
 from sim.rigid import RigidPlant
-from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
+from sim.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
 from sim.sensors import Sensors
 from sim.terrain import Terrain
@@ -45,6 +38,7 @@ __all__ = [
     "build_rig",
     "compare_solvers",
     "exact_clarabel",
+    "known_belief",
     "load_belief",
     "make_solver",
     "run_scenario",
@@ -59,105 +53,6 @@ LONGEST_STEP = 0.6  # [m] a step may take on rough ground; the gait's are 0.4 m
 
 Announce = Callable[[str], None]
 """Takes one line for the user."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Belief:
-    """What the controller knows about the walker.
-
-    Attributes:
-        model: Analytic model.
-        gait: The gait to follow.
-    """
-
-    model: WalkerModel
-    gait: Gait
-
-
-@contextlib.contextmanager
-def _as_user_errors() -> Iterator[None]:
-    try:
-        yield
-    except ControllerInputError as error:
-        raise UserError(str(error)) from error
-
-
-def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
-    """The controller's model and gait.
-
-    Args:
-        scenario: What happens.
-        files: Model files to use instead of those the scenario names.
-
-    Raises:
-        UserError: a file is missing, unreadable or not legal.
-    """
-    files = files or ModelFiles.of(scenario)
-    with _as_user_errors():
-        model = WalkerModel(files.urdf)
-        return Belief(model=model, gait=load_gait(files.gait, model))
-
-
-@functools.lru_cache(maxsize=4)
-def known_belief(walker: str, gait: str) -> Belief:
-    """The controller's model and gait, read once a process: a campaign runs thousands of scenarios."""
-    return load_belief(Scenario(walker=walker, gait=gait))
-
-
-def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
-    """The controller a scenario asks for.
-
-    Args:
-        settings: Its settings.
-        belief: What it knows about the walker.
-        solver: Used instead of the one the settings name.
-
-    Raises:
-        UserError: unknown solver.
-    """
-    gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
-    if settings.kind == "zd-pd":
-        return ZeroDynamicsController(belief.model, belief.gait, gains)
-    if settings.kind == "c-mpc-ltv":
-        return _ltv_cascade(settings, belief, gains)
-    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min)
-    with _as_user_errors():
-        return CascadedMpc(
-            belief.model,
-            belief.gait,
-            gains,
-            N=settings.horizon,
-            T=settings.period,
-            weights=Weights.of_paper(gains, settings.period),
-            friction=friction if settings.friction_rows else None,
-            solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
-        )
-
-
-def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:
-    from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
-
-    ltv = settings.ltv
-    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=ltv.force_penalty)
-    return LtvCascade(
-        belief.model,
-        belief.gait,
-        gains,
-        period=settings.period,
-        stages=ltv.stages,
-        stage_time=ltv.stage_time,
-        substeps=ltv.substeps,
-        weights=LtvWeights(
-            output=ltv.output,
-            output_rate=ltv.output_rate,
-            clock_rate=ltv.clock_rate,
-            torque=ltv.torque,
-            last=ltv.last,
-            torque_penalty=ltv.torque_penalty,
-        ),
-        friction=friction if settings.friction_rows else None,
-        slope_memory=ltv.slope_memory,
-    )
 
 
 def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:

@@ -12,7 +12,7 @@ from fakes import Step
 
 from controller.gait import load_gait
 from controller.model import WalkerModel
-from sim import compose
+from sim import compose, compose_controllers
 from sim.interface import COORDINATES
 from sim.log_reader import read_log
 from sim.loop import Loop, NoTape
@@ -169,7 +169,7 @@ def test_a_solver_that_never_answers_walks_on_zd_pd_and_is_counted(tmp_path, mon
         def solve(self, problem):
             return failed(SHORT.controller.horizon, "no-solution")
 
-    monkeypatch.setattr(compose, "make_solver", lambda *args: Mute())
+    monkeypatch.setattr(compose_controllers, "make_solver", lambda *args: Mute())
     calm = dataclasses.replace(SHORT, pushes=(), steps=1)
     summary = run(calm, tmp_path / "x.mcap")
     log = read_log(tmp_path / "x.mcap")
