@@ -16,17 +16,17 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from sim import poincare
 from sim.errors import UserError
 from sim.interface import Vector
 from sim.outcome import Outcome
 from sim.rig import Rig
 from sim.scenario import Push, from_toml
+from sim.step_map import Fell, distance
 
 AXES = {"q5": np.array([0.0, 0.0, 0.0, 0.0, 1.0]), "torso": np.array([-1.0, -1.0, 0.0, 0.0, 1.0])}
 """Offset of the five angles per offset of the torso, body order."""
 
-EPSILON = 0.05  # [rad], rates in units of `poincare.RATE_SCALE`
+EPSILON = 0.05  # [rad], rates in units of `sim.step_map.RATE_SCALE`
 STEPS = 25
 SETTLING, KEPT = 25, 10  # steps of the undisturbed walk, and of those whose mean is the periodic state
 
@@ -90,7 +90,7 @@ def _prepared(scenario: str) -> tuple[Rig, Vector]:
     rig = build_rig(from_toml(scenario))
     try:
         return rig, rig.settled(SETTLING, KEPT).mean(axis=0)
-    except poincare.Fell as fall:
+    except Fell as fall:
         raise UserError(f"no basin: the undisturbed walk {fall}") from fall
 
 
@@ -103,7 +103,7 @@ def _try(rig: Rig, periodic: Vector, offset: Vector, force: float, epsilon: floa
         if len(tape.states) == seen:
             return None
         seen = len(tape.states)
-        return "converged" if poincare.distance(tape.states[-1], periodic) < epsilon else None
+        return "converged" if distance(tape.states[-1], periodic) < epsilon else None
 
     push = Push(force=force, body="torso", step=1)
     summary = rig.run(tape, q=rig.q_start + offset, torso_offset=0.0, pushes=(push,), steps=steps, stop=converged)

@@ -10,9 +10,9 @@ from sim.judge import FallCriteria
 from sim.kinematics import LEGS
 from sim.loop import Loop, Stop, Tape
 from sim.outcome import Outcome, RunSummary
-from sim.poincare import Fell
 from sim.scenario import Push, Scenario
 from sim.sections import SectionTape, Surface
+from sim.step_map import Fell
 
 FIRST_STANCE = LEGS[0]
 MAP_TIME = 3.0  # [s] allowed for the one step of a step map

@@ -15,10 +15,10 @@ import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
-from sim import rigid_kernels as kernels
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, JOINTS, AppliedForce, Observation, PlantState, Vector
-from sim.kinematics import LEGS, LegGeometry
+from sim.kinematics import LEGS
+from sim.pinned import PinnedWalker
 from sim.plant import DETECTED_LINKS, whole_substeps
 from sim.plant_spec import BODIES, build_spec
 from sim.scenario import PlantSettings
@@ -26,11 +26,8 @@ from sim.tables import JointTorques
 from sim.terrain import Terrain
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
-RK4_NODES = (0.0, 0.5, 0.5, 1.0)
-RK4_WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
 EPS = float(np.finfo(float).eps)
 HEIGHT = 1  # of what `_swing_foot` returns
-NO_IMPULSE = np.zeros(2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,19 +100,8 @@ class RigidPlant:
         self._model = model = spec.compile()
         self._data = data = mujoco.MjData(model)
         self.mjcf_text: str = spec.to_xml()
-
-        def dof(joint: str) -> int:
-            return int(model.jnt_dofadr[model.joint(joint).id])
-
-        self.legs = LegGeometry.of(model)
-        self._at = kernels.Layout(
-            hip=np.array([dof("hip_x"), dof("hip_z")]),
-            q=np.array([dof(name) for name in COORDINATES]),
-            damping=np.array(model.dof_damping),
-            lengths=np.array(self.legs.lengths),
-        )
-        self._scratch = kernels.new_scratch()
-        self._joint_dof = self._at.q[: len(JOINTS)]
+        self._walker = PinnedWalker(model, data)
+        self.legs = self._walker.legs
         self._body_id = {name: model.body(name).id for name in BODIES}
         ipos = model.body_ipos
         self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
@@ -124,14 +110,12 @@ class RigidPlant:
         self.torque_limits = limits[actuators]
         sizes = [model.geom(name).size for name in DETECTED_LINKS]
         self._capsules = [(2.0 * float(size[1]), float(size[0])) for size in sizes]  # [m] length, thickness
-        self._qpos, self._qvel = data.qpos, data.qvel  # live views, written only
         self._begin()
 
     def _begin(self) -> None:
         self._ticks = 0
         self._q, self._dq = np.zeros(5), np.zeros(5)
-        self._leg = 0
-        self._foothold = np.array([0.0, self._terrain.height(0.0)])
+        self._walker.leg, self._walker.foothold[:] = 0, (0.0, self._terrain.height(0.0))
         self._torque = np.zeros(4)  # [N.m]
         self._force_time = np.zeros((2, 2))  # [N.s] ground force (x, z) on each foot, integrated over the hold
         self._push = np.zeros(2)  # [N]
@@ -170,7 +154,7 @@ class RigidPlant:
                 raise UserError(f"{name} = {vector} [{unit}]: must be 5 finite numbers, ordered as {order}")
         self._begin()
         self._q, self._dq = np.array(q, dtype=float), np.array(dq, dtype=float)
-        self._leg = LEGS.index(stance)
+        self._walker.leg = LEGS.index(stance)
         ahead, height, rate = self._swing_foot(self._q, self._dq)
         if abs(height) <= ON_GROUND and ahead > 0.0 and rate < 0.0:
             self._land(0.0)
@@ -181,10 +165,10 @@ class RigidPlant:
 
     def state(self) -> PlantState:
         """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
-        self._place(self._q, self._dq)
-        hip, dhip = self._qpos[self._at.hip], self._qvel[self._at.hip]
-        other = self._foothold + kernels.swing_foot(self._at, self._q, self._dq, self._leg)[:2]
-        foot = np.array((self._foothold, other) if self._leg == 0 else (other, self._foothold))
+        walker = self._walker
+        hip, dhip = walker.place(self._q, self._dq)
+        other = walker.foothold + walker.swing_foot(self._q, self._dq)[:2]
+        foot = np.array((walker.foothold, other) if walker.leg == 0 else (other, walker.foothold))
         clearance, contact_force = [], []
         for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self._period).tolist(), strict=True):
             ground = self._terrain.under(x)
@@ -226,8 +210,7 @@ class RigidPlant:
         self._torque = np.clip(u, -self.torque_limits, self.torque_limits)
         self._forces = tuple(forces)
         self._push = np.sum([applied.force for applied in forces], axis=0) if forces else np.zeros(2)
-        self._scratch.applied[:] = 0.0
-        self._scratch.applied[self._joint_dof] = self._torque
+        self._walker.load(self._torque, self._forces)
         self._force_time[:] = 0.0
         step = self._period / self._substeps
         for substep in range(self._substeps):
@@ -241,7 +224,7 @@ class RigidPlant:
 
     def _advance(self, t: float, duration: float) -> None:
         """One step of integration, cut at an impact if there is one in it."""
-        y = self._rk4(duration)
+        y = self._walker.after(self._q, self._dq, duration)
         before = self._swing_foot(self._q, self._dq)[HEIGHT]
         ahead, height, _ = self._swing_foot(y[:5], y[5:10])
         if not (height <= 0.0 < before and ahead > 0.0):
@@ -249,93 +232,46 @@ class RigidPlant:
             return
 
         def height_at(tau: float) -> float:
-            there = self._rk4(tau)
+            there = self._walker.after(self._q, self._dq, tau)
             return self._swing_foot(there[:5], there[5:10])[HEIGHT]
 
         tau = float(brentq(height_at, 0.0, duration, xtol=EPS * duration, rtol=4 * EPS))
-        self._take(self._rk4(tau))
+        self._take(self._walker.after(self._q, self._dq, tau))
         self._land(t + tau)
         if tau < duration:
             self._advance(t + tau, duration - tau)
 
     def _take(self, y: Vector) -> None:
-        """Make the result of `_rk4` the present."""
+        """Make the result of a step the present."""
         self._q, self._dq = y[:5], y[5:10]
-        self._force_time[self._leg] += y[10:]
-
-    def _rk4(self, h: float) -> Vector:
-        """Angles and rates after h [s] under the held torque, and the ground's impulse over h in [N.s], (12,)."""
-        start = np.concatenate((self._q, self._dq, NO_IMPULSE))
-        slopes = np.empty((4, 12))
-        y = start
-        for stage in range(4):
-            if stage:
-                y = start + (RK4_NODES[stage] * h) * slopes[stage - 1]
-            self._derivative(y, slopes[stage])
-        return start + (h * RK4_WEIGHTS) @ slopes
-
-    def _derivative(self, y: Vector, dy: Vector) -> None:
-        """Fill the derivative of what `_rk4` returns, (12,)."""
-        self._place(y[:5], y[5:10])
-        model, data, scratch = self._model, self._data, self._scratch
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_rne(model, data, 0, scratch.bias)
-        mujoco.mj_fullM(model, data, scratch.M)
-        if self._forces:
-            self._apply()
-        kernels.derivative(self._at, y, self._leg, scratch, dy)
-
-    def _place(self, q: Vector, dq: Vector) -> None:
-        kernels.place(self._at, q, dq, self._leg, self._foothold, self._qpos, self._qvel)
-
-    def _apply(self) -> None:
-        """Generalised forces of motors and pushes at the present position."""
-        model, data, applied = self._model, self._data, self._scratch.applied
-        applied[:] = 0.0
-        applied[self._joint_dof] = self._torque
-        for push in self._forces:
-            body = self._body_id[push.body]
-            frame = data.xmat[body].reshape(3, 3)
-            point = data.xpos[body] + frame @ np.array([push.point[0], 0.0, push.point[1]])
-            force = np.array([push.force[0], 0.0, push.force[1]])
-            mujoco.mj_applyFT(model, data, force, np.zeros(3), point, body, applied)
+        self._force_time[self._walker.leg] += y[10:]
 
     def _land(self, t: float) -> None:
         """The swing foot becomes the stance foot."""
-        landing = 1 - self._leg
-        self._place(self._q, self._dq)
-        model, data = self._model, self._data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_fullM(model, data, self._scratch.M)
-        after, impulse, old_foot = np.empty(5), np.empty(2), np.empty(2)
-        kernels.strike(self._at, self._q, self._dq, landing, self._scratch, after, impulse, old_foot)
+        stance = LEGS[self._walker.leg]
+        after, impulse, old_foot = self._walker.strike(self._q, self._dq)
         self.impact = Impact(
             t=t,
-            stance=LEGS[self._leg],
+            stance=stance,
             q=self._q,
             dq=self._dq,
             dq_after=after,
             impulse=impulse,
             old_foot=old_foot,
         )
-        self._foothold = self._qpos[self._at.hip] + self.legs.foot(self._q, landing)
-        self._leg, self._dq = landing, after
+        self._dq = after
 
     def _swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
         """Swing foot: distance ahead of the stance foot, height over the ground in [m], its rate in [m/s]."""
-        x, z, dx, dz = kernels.swing_foot(self._at, q, dq, self._leg)
-        at = float(self._foothold[0]) + x
+        x, z, dx, dz = self._walker.swing_foot(q, dq)
+        foot_x, foot_z = self._walker.foothold.tolist()
+        at = foot_x + x
         ground = self._terrain.under(at)
-        height = float(self._foothold[1]) + z - ground.height(at)
+        height = foot_z + z - ground.height(at)
         return x, height, dz - math.tan(ground.angle) * dx
 
     def _contact(self) -> tuple[bool, bool]:
-        return self._leg == 0, self._leg == 1
+        return self._walker.leg == 0, self._walker.leg == 1
 
     def _penetrating(self, hip: Sequence[float]) -> tuple[str, ...]:
         """Links whose capsule reaches the ground, of those the other plant senses."""

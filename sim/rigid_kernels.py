@@ -6,83 +6,71 @@ The pin does no work along T, so T' (M (T ddq + s) + c - tau) = 0 gives ddq, and
 the ground pushes, give F. Joint vectors (5,) are ordered as `sim.interface.COORDINATES`.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Work = NDArray[np.void]
+"""One record of `WORK`, (1,): handing over one argument costs a tenth of handing over ten."""
 
 compiled = njit(cache=True, error_model="numpy")
 """Divide as NumPy does: a walker that falls gives inf, which the plant reports, not an exception."""
 
 TORSO = 4
 HIP_X, HIP_Z = 0, 1
+STAGES = 4  # of RK4
 
-
-class Layout(NamedTuple):
-    """Where things are in MuJoCo's vectors.
-
-    Attributes:
-        hip: Addresses of hip x and hip z, (2,).
-        q: Addresses of the five angles, (5,).
-        damping: Damping of every degree of freedom in [N.m.s/rad], (7,).
-        lengths: Hip to knee and knee to foot point in [m], a row a leg, (2, 2).
-    """
-
-    hip: NDArray[np.intp]
-    q: NDArray[np.intp]
-    damping: Array
-    lengths: Array
-
-
-class Scratch(NamedTuple):
-    """Work space of one evaluation.
-
-    Attributes:
-        M: Inertia matrix as MuJoCo orders it, (7, 7).
-        bias: Gravity, Coriolis and centrifugal forces, same order, (7,).
-        applied: Generalised forces of motors and pushes, same order, (7,).
-        T: Velocity of every degree of freedom per joint rate, (7, 5).
-        shift: Acceleration at ddq = 0, (7,).
-        A: Reduced inertia matrix, overwritten by its factor, (5, 5).
-    """
-
-    M: Array
-    bias: Array
-    applied: Array
-    T: Array
-    shift: Array
-    A: Array
-
-
-def new_scratch() -> Scratch:
-    """Allocate the work space."""
-    return Scratch(np.zeros((7, 7)), np.zeros(7), np.zeros(7), np.zeros((7, 5)), np.zeros(7), np.zeros((5, 5)))
+WORK = np.dtype(
+    [
+        ("hip", np.int64, (2,)),  # addresses of hip x and hip z in MuJoCo's vectors
+        ("q", np.int64, (5,)),  # addresses of the five angles
+        ("damping", float, (7,)),  # [N.m.s/rad] of every degree of freedom
+        ("lengths", float, (2, 2)),  # [m] hip to knee and knee to foot point, a row a leg
+        ("leg", np.int64),  # the pinned foot, 0 left, 1 right
+        ("foothold", float, (2,)),  # [m] where it stands
+        ("M", float, (7, 7)),  # inertia matrix as MuJoCo orders it
+        ("bias", float, (7,)),  # gravity, Coriolis and centrifugal forces
+        ("applied", float, (7,)),  # generalised forces of motors and pushes
+        ("T", float, (7, 5)),  # velocity of every degree of freedom per joint rate
+        ("shift", float, (7,)),  # acceleration at ddq = 0
+        ("A", float, (5, 5)),  # reduced inertia matrix, overwritten by its factor
+        ("start", float, (12,)),  # angles, rates, and the ground's impulse (x, z) on the foot at the start of a step
+        ("y", float, (12,)),  # the same at the present stage, and at the end of the step
+        ("slopes", float, (STAGES, 12)),  # its derivatives
+    ]
+)
+"""What the pinned walker is and the work space of its equations; SI units."""
 
 
 @compiled
-def place(at: Layout, q: Array, dq: Array, leg: int, foothold: Array, qpos: Array, qvel: Array) -> None:
-    """MuJoCo's position and velocity of the walker whose foot `leg` (0 left, 1 right) rests on the foothold."""
-    femur, tibia = at.lengths[leg, 0], at.lengths[leg, 1]
+def place(work: Work, q: Array, dq: Array, qpos: Array, qvel: Array) -> None:
+    """Write MuJoCo's position and velocity of the walker whose pinned foot rests on the foothold."""
+    w: Any = work[0]
+    leg = w.leg
+    femur, tibia = w.lengths[leg, 0], w.lengths[leg, 1]
     a = q[TORSO] + q[leg]
     b = a + q[2 + leg]
     da = dq[TORSO] + dq[leg]
     db = da + dq[2 + leg]
-    qpos[at.hip[0]] = foothold[0] + femur * np.sin(a) + tibia * np.sin(b)
-    qpos[at.hip[1]] = foothold[1] - femur * np.cos(a) - tibia * np.cos(b)
-    qvel[at.hip[0]] = femur * da * np.cos(a) + tibia * db * np.cos(b)
-    qvel[at.hip[1]] = femur * da * np.sin(a) + tibia * db * np.sin(b)
+    x, z = w.hip[0], w.hip[1]
+    qpos[x] = w.foothold[0] + femur * np.sin(a) + tibia * np.sin(b)
+    qpos[z] = w.foothold[1] - femur * np.cos(a) - tibia * np.cos(b)
+    qvel[x] = femur * da * np.cos(a) + tibia * db * np.cos(b)
+    qvel[z] = femur * da * np.sin(a) + tibia * db * np.sin(b)
     for i in range(5):
-        qpos[at.q[i]] = q[i]
-        qvel[at.q[i]] = dq[i]
+        qpos[w.q[i]] = q[i]
+        qvel[w.q[i]] = dq[i]
 
 
 @compiled
-def pin(at: Layout, q: Array, dq: Array, leg: int, T: Array, shift: Array) -> None:
-    """T and s of the walker pinned at foot `leg`."""
-    femur, tibia = at.lengths[leg, 0], at.lengths[leg, 1]
+def pin(work: Work, q: Array, dq: Array, leg: int) -> None:
+    """Fill T and s of the walker pinned at foot `leg`."""
+    w: Any = work[0]
+    T, shift, hip, angle = w.T, w.shift, w.hip, w.q
+    femur, tibia = w.lengths[leg, 0], w.lengths[leg, 1]
     a = q[TORSO] + q[leg]
     b = a + q[2 + leg]
     da = dq[TORSO] + dq[leg]
@@ -90,8 +78,8 @@ def pin(at: Layout, q: Array, dq: Array, leg: int, T: Array, shift: Array) -> No
     T[:, :] = 0.0
     shift[:] = 0.0
     for i in range(5):
-        T[at.q[i], i] = 1.0
-    x, z = at.hip[0], at.hip[1]
+        T[angle[i], i] = 1.0
+    x, z = hip[0], hip[1]
     T[x, 2 + leg] = tibia * np.cos(b)
     T[z, 2 + leg] = tibia * np.sin(b)
     T[x, leg] = T[x, TORSO] = femur * np.cos(a) + tibia * np.cos(b)
@@ -101,12 +89,13 @@ def pin(at: Layout, q: Array, dq: Array, leg: int, T: Array, shift: Array) -> No
 
 
 @compiled
-def swing_foot(at: Layout, q: Array, dq: Array, leg: int) -> tuple[float, float, float, float]:
-    """Swing foot from the stance foot `leg`: x, z in [m] and their rates in [m/s]."""
+def swing_foot(work: Work, q: Array, dq: Array) -> tuple[float, float, float, float]:
+    """Swing foot from the pinned foot: x, z in [m] and their rates in [m/s]."""
+    w: Any = work[0]
     x = z = dx = dz = 0.0
     for side in range(2):
-        sign = -1.0 if side == leg else 1.0
-        femur, tibia = at.lengths[side, 0], at.lengths[side, 1]
+        sign = -1.0 if side == w.leg else 1.0
+        femur, tibia = w.lengths[side, 0], w.lengths[side, 1]
         a = q[TORSO] + q[side]
         b = a + q[2 + side]
         da = dq[TORSO] + dq[side]
@@ -157,74 +146,95 @@ def solve(A: Array, x: Array) -> None:
 
 
 @compiled
-def derivative(at: Layout, y: Array, leg: int, w: Scratch, dy: Array) -> None:
-    """Motion of the pinned walker: rates, accelerations, and the force of the ground on its foot.
-
-    Args:
-        at: Where things are.
-        y: Angles in [rad] and rates in [rad/s], then what is not looked at, (12,).
-        leg: The foot that is pinned, 0 left, 1 right.
-        w: Work space with M, bias and applied filled.
-        dy: Filled with rates in [rad/s], accelerations in [rad/s^2], and the ground's force (x, z) in the world
-            frame in [N], (12,).
-    """
+def _slope(work: Work, y: Array, dy: Array) -> None:
+    """Rates, accelerations, and the force of the ground on the pinned foot at y; M, bias and applied are filled."""
+    w: Any = work[0]
+    M, T, shift, A, angle, hip = w.M, w.T, w.shift, w.A, w.q, w.hip
     q, dq, ddq, force = y[:5], y[5:10], dy[5:10], dy[10:]
-    pin(at, q, dq, leg, w.T, w.shift)
-    reduce(w.M, w.T, w.A)
+    pin(work, q, dq, w.leg)
+    reduce(M, T, A)
     rest = np.empty(7)  # M s + c - tau
     for k in range(7):
         rest[k] = w.bias[k] - w.applied[k]
         for n in range(7):
-            rest[k] += w.M[k, n] * w.shift[n]
+            rest[k] += M[k, n] * shift[n]
     for i in range(5):
-        rest[at.q[i]] += at.damping[at.q[i]] * dq[i]
+        rest[angle[i]] += w.damping[angle[i]] * dq[i]
     for i in range(5):
         dy[i] = dq[i]
         ddq[i] = 0.0
         for k in range(7):
-            ddq[i] -= w.T[k, i] * rest[k]
-    solve(w.A, ddq)
+            ddq[i] -= T[k, i] * rest[k]
+    solve(A, ddq)
     for axis in range(2):
-        row = at.hip[axis]
+        row = hip[axis]
         force[axis] = rest[row]
         for i in range(5):
             acceleration = 0.0
             for n in range(7):
-                acceleration += w.M[row, n] * w.T[n, i]
+                acceleration += M[row, n] * T[n, i]
             force[axis] += acceleration * ddq[i]
 
 
 @compiled
-def strike(
-    at: Layout, q: Array, before: Array, leg: int, w: Scratch, after: Array, impulse: Array, old_foot: Array
-) -> None:
-    """Inelastic, no-slip impact of the swing foot: T' M (T dq+ - v-) = 0 about the foot that lands.
+def begin(work: Work, q: Array, dq: Array, qpos: Array, qvel: Array) -> None:
+    """Start a step of RK4 at (q, dq), with no impulse so far, and write where MuJoCo has to look first."""
+    w: Any = work[0]
+    for i in range(5):
+        w.start[i] = q[i]
+        w.start[5 + i] = dq[i]
+    w.start[10:] = 0.0
+    w.y[:] = w.start
+    place(work, q, dq, qpos, qvel)
+
+
+@compiled
+def stage(work: Work, number: int, h: float, qpos: Array, qvel: Array) -> None:
+    """A stage of RK4 over h [s]: the slope where MuJoCo has looked, then y for the next stage, or the end."""
+    w: Any = work[0]
+    start, y, slopes = w.start, w.y, w.slopes
+    _slope(work, y, slopes[number])
+    if number == STAGES - 1:
+        for i in range(12):
+            y[i] = start[i] + h / 6.0 * (slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i])
+        return
+    ahead = h if number == 2 else 0.5 * h
+    for i in range(12):
+        y[i] = start[i] + ahead * slopes[number, i]
+    place(work, y[:5], y[5:10], qpos, qvel)
+
+
+@compiled
+def strike(work: Work, q: Array, before: Array, after: Array, impulse: Array, old_foot: Array) -> None:
+    """Inelastic, no-slip impact of the swing foot: T' M (T dq+ - v-) = 0 about the foot that lands; M is filled.
 
     Args:
-        at: Where things are.
+        work: The walker before the impact.
         q: Angles in [rad], (5,).
         before: Rates before the impact in [rad/s], (5,).
-        leg: The foot that lands, 0 left, 1 right; the other one was pinned.
-        w: Work space with M filled.
         after: Filled with the rates after it in [rad/s], (5,).
         impulse: Filled with the ground's impulse (x, z) on the landing foot in [N.s], (2,).
         old_foot: Filled with the velocity (x, z) with which the old stance foot leaves in [m/s], (2,).
     """
-    pin(at, q, before, 1 - leg, w.T, w.shift)
-    velocity = w.T @ before
-    momentum = w.M @ velocity
-    pin(at, q, before, leg, w.T, w.shift)
-    reduce(w.M, w.T, w.A)
+    w: Any = work[0]
+    M, T, A, hip = w.M, w.T, w.A, w.hip
+    pinned = w.leg
+    landing = 1 - pinned
+    pin(work, q, before, pinned)
+    velocity = T @ before
+    momentum = M @ velocity
+    pin(work, q, before, landing)
+    reduce(M, T, A)
     for i in range(5):
         after[i] = 0.0
         for k in range(7):
-            after[i] += w.T[k, i] * momentum[k]
-    solve(w.A, after)
-    new_velocity = w.T @ after
-    new_momentum = w.M @ new_velocity
-    pin(at, q, before, 1 - leg, w.T, w.shift)
-    hip_of_pinned = w.T @ after
+            after[i] += T[k, i] * momentum[k]
+    solve(A, after)
+    new_velocity = T @ after
+    new_momentum = M @ new_velocity
+    pin(work, q, before, pinned)
+    hip_of_pinned = T @ after
     for axis in range(2):
-        row = at.hip[axis]
+        row = hip[axis]
         impulse[axis] = new_momentum[row] - momentum[row]
         old_foot[axis] = new_velocity[row] - hip_of_pinned[row]

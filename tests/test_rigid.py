@@ -168,7 +168,7 @@ def test_an_impact_is_located_exchanges_the_legs_and_adds_no_energy() -> None:
     def energy(dq: NDArray, stance: str) -> float:
         other = make()
         other._q, other._dq = impact.q, dq
-        other._leg = ("left", "right").index(stance)
+        other._walker.leg = ("left", "right").index(stance)
         return world.energy(other)[1]
 
     assert energy(impact.dq_after, "right") < energy(impact.dq, "left")
@@ -181,8 +181,8 @@ def test_the_foot_that_lands_is_at_rest_and_the_impulse_is_the_change_of_momentu
     impact = plant.impact
     assert impact is not None
     before, after = make(), make()
-    before._q, before._dq, before._leg = impact.q, impact.dq, 0
-    after._q, after._dq, after._leg = impact.q, impact.dq_after, 1
+    before._q, before._dq, before._walker.leg = impact.q, impact.dq, 0
+    after._q, after._dq, after._walker.leg = impact.q, impact.dq_after, 1
     assert np.abs(world.foot_velocity(after, "right")).max() < 1e-12
     assert world.foot_velocity(after, "left")[[0, 2]] == pytest.approx(impact.old_foot, abs=1e-12)
     change = world.momentum(after) - world.momentum(before)

@@ -84,6 +84,8 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
     """
     from sim import poincare
     from sim.compose import build_rig
+    from sim.fixed_point import find_fixed_point
+    from sim.step_map import Fell, scaled
 
     def say(text: str) -> None:
         if not quiet and sys.stderr.isatty():
@@ -91,7 +93,7 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
 
     rig = build_rig(scenario)
     say("searching the fixed point")
-    point = poincare.find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
+    point = find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
     report: dict[str, Any] = {
         "converged": point.converged,
         "fixed_point": point.x.tolist(),
@@ -102,28 +104,29 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
         "message": point.message,
     }
     try:
-        scatter = poincare.scaled(rig.settled(SETTLING, KEPT)).std(axis=0)
+        scatter = scaled(rig.settled(SETTLING, KEPT)).std(axis=0)
         report["free_walk_scatter"] = float(math.hypot(*scatter))
-    except poincare.Fell as fall:
+    except Fell as fall:
         report["free_walk_scatter"], report["free_walk"] = None, str(fall)
     if point.converged:
-        sizes = poincare.STEP_SIZES if step_size is None else (step_size,)
+        sizes = poincare.STEP_SIZES if step_size is None else ()
         try:
             stability = poincare.analyse(
                 rig.step_map,
                 rig.surface,
                 point.x,
+                h=step_size or poincare.PERTURBATION,
                 step_sizes=sizes,
-                progress=lambda done, of: say(f"step-size study: {done} of {of}"),
+                progress=lambda done, of: say(f"Jacobians: {done} of {of}"),
             )
-        except poincare.Fell as fall:
+        except Fell as fall:
             report["message"] = str(fall)
         else:
             report |= {
                 "largest": stability.largest,
                 "eigenvalues": [[value.real, value.imag] for value in stability.eigenvalues.tolist()],
                 "step_size": stability.h,
-                "spread": stability.spread,
+                "noise": stability.noise if math.isfinite(stability.noise) else None,
                 "roughness": stability.roughness,
                 "study": [dataclasses.asdict(row) for row in stability.study],
             }
@@ -134,7 +137,7 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
 
 
 def _text(report: dict[str, Any], scenario: Scenario) -> str:
-    from sim.poincare import SHARP
+    from sim.fixed_point import SHARP
 
     head = f"{scenario.name}, {scenario.controller.kind}, {scenario.plant.kind} plant"
     lines = [head]
@@ -159,13 +162,15 @@ def _text(report: dict[str, Any], scenario: Scenario) -> str:
         scatter = report["free_walk_scatter"]
         row("scatter of a free walk", f"{scatter:.1e} rad, as the phase of ticks and impacts drifts")
     if "largest" in report:
-        spread = f" +- {report['spread']:.1g}" if len(report["study"]) > 1 else ""
-        row("largest |eigenvalue|", f"{report['largest']:.4f}{spread}, perturbation {report['step_size']:g} rad")
+        row("largest |eigenvalue|", f"{report['largest']:.4f}, perturbation {report['step_size']:g} rad")
+        noise = "unknown: the walker falls" if report["noise"] is None else f"{report['noise']:.1g}"
+        row("noise floor", f"{noise}, standard deviation over perturbations along other directions")
         magnitudes = sorted((math.hypot(*value) for value in report["eigenvalues"]), reverse=True)
         row("all |eigenvalues|", " ".join(f"{value:.3f}" for value in magnitudes))
         row("roughness of the map", f"{report['roughness']:.1e} rad at perturbations of 1e-4 rad")
-        lines.append("  step-size study")
+        lines.append("  perturbation [rad]   largest |eigenvalue|   jumps of the map over it")
         for entry in report["study"]:
             value = "falls" if entry["largest"] is None else f"{entry['largest']:.5f}"
-            lines.append(f"    {entry['h']:<8g} rad  {value}")
+            mark = "  <- reported" if entry["h"] == report["step_size"] else ""
+            lines.append(f"  {entry['h']:<18g}   {value:<20}   {entry['jumps']:.1e}{mark}")
     return "\n".join(lines)

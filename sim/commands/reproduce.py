@@ -58,7 +58,7 @@ def _parser(argv: Sequence[str]) -> flags.Parser:
     parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help=text)
     own = parser.add_argument_group("options")
     own.add_argument("-h", "--help", action="store_true", help="show this help")
-    own.add_argument("--quick", action="store_true", help="coarse versions, in some minutes")
+    own.add_argument("--quick", action="store_true", help="coarse versions, in about two minutes")
     text = f"folder for results (default: {OUT}, with --quick {OUT_QUICK})"
     own.add_argument("--out", metavar="FOLDER", help=text)
     text = "worker processes (default: one for each core)"

@@ -4,11 +4,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce.criteria import GAIT_TOLERANCE
 from sim.reproduce.panels import BLACK, BLUE, GREY, LinePanel, Series
 from sim.reproduce.study import (
     CONTROLLERS,
     PLANT_NAMES,
     PLANTS,
+    UNDISTURBED,
     Arrays,
     Effort,
     Evaluation,
@@ -18,10 +20,8 @@ from sim.reproduce.study import (
     Verdict,
 )
 
-STEPS = 12
 SETTLED = 6  # the figure's step, and the first that counts
 PAPER_LENGTH, PAPER_TIME = 0.4, 0.5  # [m], [s]
-TOLERANCE = 0.05
 TIMES = (0.0, 0.25, 0.5)  # [s]
 TORSO = 0.63  # [m], as drawn
 
@@ -31,8 +31,8 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     return {
         f"{plant}/{controller}": Task(
             function="sim.reproduce.measure:walk",
-            arguments={"scenario": effort.scenario(plant, controller, {"steps": STEPS})},
-            cost=STEPS * (3.0 if controller == "c-mpc" else 1.0),
+            arguments={"scenario": effort.scenario(plant, controller, UNDISTURBED)},
+            cost=UNDISTURBED["steps"] * (3.0 if controller == "c-mpc" else 1.0),
         )
         for plant in PLANTS
         for controller in CONTROLLERS
@@ -55,7 +55,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
             if not len(values):
                 return Finding(text="falls", holds=False)
             mean = float(values.mean())
-            return Finding(text=f"{mean:.3f} {unit}", holds=abs(mean - paper) <= TOLERANCE * paper)
+            return Finding(text=f"{mean:.3f} {unit}", holds=abs(mean - paper) <= GAIT_TOLERANCE * paper)
 
         name = ("step time", "step length")[index]
         return Verdict.of(f"{controller}: {name} within 5 %", f"{paper:g} {unit}", judge)

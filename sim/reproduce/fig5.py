@@ -1,11 +1,10 @@
 """Fig. 5: deviation from the gait under 25 N throughout the second step, and what remains undisturbed."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from sim.reproduce.measure import OUTCOMES
+from sim.reproduce.criteria import TENTH, negligible, walks
 from sim.reproduce.panels import JOINT_STYLES, LinePanel, Series, Span, same_scale, thinned
 from sim.reproduce.study import (
     CONTROLLER_NAMES,
@@ -13,6 +12,8 @@ from sim.reproduce.study import (
     JOINT_NAMES,
     PLANT_NAMES,
     PLANTS,
+    PUSHED,
+    UNDISTURBED,
     Arrays,
     Effort,
     Evaluation,
@@ -22,16 +23,14 @@ from sim.reproduce.study import (
     Verdict,
 )
 
-FORCE, PUSHED = 25.0, 2  # [N], in this step
-STEPS = 10
-STEADY_STEPS, STEADY_FROM = 15, 10
-VANISHED = 0.2  # ratio of RMS below which a remaining error counts as vanished
+FORCE: float = PUSHED["pushes.0.force"]  # [N]
+PUSHED_STEP: int = PUSHED["pushes.0.step"]
+STEADY_FROM = 10  # steps that an undisturbed walk is given to settle
 
 
 def tasks(effort: Effort) -> Mapping[str, Task]:
     """A pushed and an undisturbed walk of both controllers on both plants."""
-    push = {"pushes.0.force": FORCE, "pushes.0.step": PUSHED}
-    runs: dict[str, dict[str, Any]] = {"pushed": {**push, "steps": STEPS}, "steady": {"steps": STEADY_STEPS}}
+    runs = {"pushed": PUSHED, "steady": UNDISTURBED}
     return {
         f"{plant}/{controller}/{name}": Task(
             function="sim.reproduce.measure:walk",
@@ -60,7 +59,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
 
     def both_walk(plant: str) -> Finding:
         runs = [results[f"{plant}/{controller}/pushed"] for controller in CONTROLLERS]
-        walk = [OUTCOMES[int(run["outcome"])] == "completed" for run in runs]
+        walk = [walks(int(run["outcome"])) for run in runs]
         words = [
             "walks on" if on else f"falls in step {int(run['steps']) + 1}" for on, run in zip(walk, runs, strict=True)
         ]
@@ -70,14 +69,14 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         def judge(plant: str) -> Finding:
             runs = [results[f"{plant}/{controller}/pushed"] for controller in ("c-mpc", "zd-pd")]
             last = min(int(run["steps"]) for run in runs)  # what follows is falling
-            if last < PUSHED:
+            if last < PUSHED_STEP:
                 return Finding(text=f"one falls in step {last + 1}, before the push is over", holds=False)
             values = []
             for run in runs:
-                y = run["y"][between(run, PUSHED, last)]
+                y = run["y"][between(run, PUSHED_STEP, last)]
                 values.append(float(np.abs(y).max()) if statistic == "peak" else rms(y))
             text = f"{values[0]:.4f} against {values[1]:.4f} rad"
-            if last < STEPS:
+            if last < PUSHED["steps"]:
                 text += f", up to step {last}: then one falls"
             return Finding(text=text, holds=values[0] < values[1])
 
@@ -87,12 +86,12 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         values = []
         for controller in ("c-mpc", "zd-pd"):
             run = results[f"{plant}/{controller}/steady"]
-            values.append(rms(run["y"][between(run, STEADY_FROM + 1, STEADY_STEPS)]))
+            values.append(rms(run["y"][between(run, STEADY_FROM + 1, UNDISTURBED["steps"])]))
         if not np.isfinite(values).all():
             return Finding(text="falls undisturbed", holds=False)
         ratio = values[0] / values[1]
         text = f"{values[0]:.1e} against {values[1]:.1e} rad: {ratio:.3f}"
-        return Finding(text=text, holds=bool(ratio < VANISHED))
+        return Finding(text=text, holds=negligible(*values))
 
     panels: list[tuple[LinePanel, ...]] = []
     tables = {}
@@ -110,11 +109,11 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         panels.append(tuple(row))
     return Evaluation(
         verdicts=(
-            Verdict.of(f"both controllers reject {FORCE:g} N in step {PUSHED}", "yes", both_walk),
+            Verdict.of(f"both controllers reject {FORCE:g} N in step {PUSHED_STEP}", "yes", both_walk),
             smaller("peak"),
             smaller("RMS"),
             Verdict.of(
-                f"undisturbed, ZD+PD's remaining error vanishes under C-MPC: ratio below {VANISHED:g}",
+                f"undisturbed, ZD+PD's remaining error vanishes under C-MPC: ratio of RMS at most {TENTH:g}",
                 "no remaining error",
                 remaining,
             ),
@@ -123,7 +122,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         tables=tables,
         notes=(
             "Where a walker falls, only the steps both complete are compared.",
-            f"Steady RMS over steps {STEADY_FROM + 1} to {STEADY_STEPS} of an undisturbed walk, all four outputs.",
+            f"Steady RMS over steps {STEADY_FROM + 1} to {UNDISTURBED['steps']} of an undisturbed walk, all outputs.",
         ),
     )
 
@@ -135,7 +134,7 @@ def _panel(run: Arrays, title: str) -> LinePanel:
         x, y = thinned(run["t"][shown], run["y"][shown, i])
         colour, dash = JOINT_STYLES[i]
         lines.append(Series(name=joint, x=x, y=y, colour=colour, dash=dash))
-    pushed = between(run, PUSHED, PUSHED)
+    pushed = between(run, PUSHED_STEP, PUSHED_STEP)
     ends = run["t"][pushed]
     return LinePanel(
         title=title,

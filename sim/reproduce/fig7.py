@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce.criteria import ROUNDING, above, never_above
 from sim.reproduce.fig5 import between
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series, Span, thinned
 from sim.reproduce.study import PLANT_NAMES, PLANTS, Arrays, Effort, Evaluation, Finding, Results, Task, Verdict
@@ -12,8 +13,8 @@ FORCE, PUSHED, STEPS = 50.0, 2, 6  # [N]
 MU = 0.6
 SENSITIVITY = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 FLOOR = 2.0  # friction MuJoCo's floor grants, so that a ratio above mu shows instead of a slip
+SOFTENED = 1e-2  # [N] softening from which the friction rows could not be kept
 SETTLING = 20  # ticks after an impact whose forces are those of the impact (MuJoCo spreads it over them)
-TOLERANCE = 0.02  # relative; the rows hold at the start of a hold, the ratio is a mean over it
 
 
 def tasks(effort: Effort) -> Mapping[str, Task]:
@@ -58,19 +59,32 @@ def _worst(run: Arrays) -> float:
     return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
 
 
+def _softened(run: Arrays, plant: str) -> str:
+    """Whether the rows could be kept in those ticks in which the ratio is above mu."""
+    values, slack = ratio(run)[between(run, 1, STEPS)], run["slack"][between(run, 1, STEPS)]
+    over = np.nan_to_num(values) > MU * (1.0 + ROUNDING)
+    if not over.any():
+        return f"{PLANT_NAMES[plant]}: no tick above mu."
+    kept = over & (slack < SOFTENED)
+    return (
+        f"{PLANT_NAMES[plant]}: {int(over.sum())} ticks above mu, the rows softened in {int((over & ~kept).sum())} of "
+        f"them; the largest ratio in the others is {float(values[kept].max()) if kept.any() else MU:.3f}."
+    )
+
+
 def evaluate(results: Results, effort: Effort) -> Evaluation:
     """Largest ratios."""
 
     def with_rows(plant: str) -> Finding:
         worst = _worst(results[f"{plant}/with/{MU:g}"])
-        return Finding(text=f"{worst:.3f}", holds=bool(worst <= MU * (1.0 + TOLERANCE)))
+        return Finding(text=f"{worst:.3f}", holds=never_above(worst, MU))
 
     def without_rows(plant: str) -> Finding:
         worst = _worst(results[f"{plant}/without"])
-        return Finding(text=f"{worst:.3f}", holds=bool(worst > MU))
+        return Finding(text=f"{worst:.3f}", holds=above(worst, MU))
 
     panels, tables = [], {}
-    sensitivity = []
+    sensitivity, softened = [], []
     for plant in PLANTS:
         row = []
         for name, title, colour in (
@@ -101,6 +115,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 "ratio": ratio(run),
             }
         panels.append(tuple(row))
+        softened.append(_softened(results[f"{plant}/with/{MU:g}"], plant))
         if not effort.quick:
             worst = np.array([_worst(results[f"{plant}/with/{mu:g}"]) for mu in SENSITIVITY])
             steps = np.array([int(results[f"{plant}/with/{mu:g}"]["steps"]) for mu in SENSITIVITY])
@@ -123,7 +138,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         tables=tables,
         notes=(
             f"The paper gives no mu; {MU:g} is chosen. MuJoCo's floor grants {FLOOR:g}, so that no foot slips.",
-            "Ratios of means over a hold of 1 ms, without the 20 ms after each impact; within 2 % counts as not above.",
+            "Ratios of means over a hold of 1 ms, without the 20 ms after each impact; the rows bind at its start.",
+            "'As long as there is a possible solution': " + " ".join(softened),
             *sensitivity,
         ),
     )

@@ -18,22 +18,32 @@ from sim.reproduce.study import (
     Verdict,
 )
 
-FULL = Grid.of((-0.8, 0.8, 25), (-40.0, 80.0, 31))
-COARSE = Grid.of((-0.8, 0.8, 9), (-40.0, 80.0, 7))
-TILT = Grid.of((-0.15, 0.25, 9), (-40.0, 80.0, 13))
-"""Grid of the other reading of "we disturb q5", rigid plant only."""
+FORCES = (-40.0, 80.0)  # [N]
+READINGS = {
+    "torso": ("torso tilted about the hip", (-0.8, 0.8), PLANTS, (25, 31), (7, 5)),
+    "q5": ("q5 alone: the whole walker tilted about its foot", (-0.2, 0.2), ("rigid",), (13, 13), (5, 5)),
+}
+"""Two readings of "we disturb q5", as `sim.basin` calls them: words, offsets in [rad], plants that can do it, and
+numbers of offsets and forces, in full and coarse."""
 
 CLASSES = ("neither", "ZD+PD only", "both", "C-MPC only")
 COLOURS = ("#f4f4f2", "#d9731a", "#8fb8de", "#1f5fa8")
+IMPOSSIBLE = Finding(text="cannot be: the swing foot would start in the ground", holds=None)
+
+
+def _grid(reading: str, effort: Effort) -> Grid:
+    _, span, _, full, coarse = READINGS[reading]
+    offsets, forces = coarse if effort.quick else full
+    return Grid.of((*span, offsets), (*FORCES, forces))
 
 
 def _maps(effort: Effort) -> dict[str, tuple[str, str, Grid]]:
-    """Name of a map -> plant, axis of `sim.basin`, grid."""
-    grid = COARSE if effort.quick else FULL
-    maps = {plant: (plant, "torso", grid) for plant in PLANTS}
-    if not effort.quick:
-        maps["rigid, q5 alone"] = ("rigid", "q5", TILT)
-    return maps
+    """Name of a map -> plant, reading, grid."""
+    return {
+        f"{plant}-{reading}": (plant, reading, _grid(reading, effort))
+        for reading, (_, _, plants, _, _) in READINGS.items()
+        for plant in plants
+    }
 
 
 def tasks(effort: Effort) -> Mapping[str, Task]:
@@ -49,7 +59,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
                 "epsilon": EPSILON,
                 "steps": STEPS,
             },
-            cost=len(grid.force) * (4.0 if controller == "c-mpc" else 1.0),
+            cost=len(grid.force) * (12.0 if controller == "c-mpc" else 3.0),
         )
         for name, (plant, axis, grid) in _maps(effort).items()
         for controller in CONTROLLERS
@@ -108,59 +118,69 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         zd, mpc = (float(inside[name, controller].sum()) * cell for controller in CONTROLLERS)
         return zd, mpc
 
-    def larger(plant: str) -> Finding:
-        zd, mpc = areas(plant)
-        text = f"{mpc:.2f} against {zd:.2f} rad N: {mpc / zd:.2f} times" if zd else f"{mpc:.2f} against 0 rad N"
-        return Finding(text=text, holds=mpc > zd)
+    def larger(reading: str) -> Verdict:
+        def judge(plant: str) -> Finding:
+            name = f"{plant}-{reading}"
+            if name not in maps:
+                return IMPOSSIBLE
+            zd, mpc = areas(name)
+            ratio = f": {mpc / zd:.2f} times" if zd else ""
+            return Finding(text=f"{mpc:.2f} against {zd:.2f} rad N{ratio}", holds=mpc > zd)
 
-    def upward(plant: str) -> Finding:
-        tops = [_top(inside[plant, controller], maps[plant][2]) for controller in CONTROLLERS]
-        both = np.isfinite(tops[0]) & np.isfinite(tops[1])
-        if not both.any():
-            return Finding(text="no offset survived by both", holds=False)
-        lift = (tops[1] - tops[0])[both]
-        text = f"by {lift.mean():.1f} N in the mean, higher at {int((lift > 0).sum())} of {int(both.sum())} offsets"
-        return Finding(text=text, holds=bool(lift.mean() > 0 and (lift > 0).sum() > both.sum() / 2))
+        return Verdict.of(f"{READINGS[reading][0]}: C-MPC's basin is larger (area)", "considerably larger", judge)
+
+    def upward(reading: str) -> Verdict:
+        def judge(plant: str) -> Finding:
+            name = f"{plant}-{reading}"
+            if name not in maps:
+                return IMPOSSIBLE
+            zd, mpc = (_top(inside[name, controller], maps[name][2]) for controller in CONTROLLERS)
+            above, below = int((mpc > zd).sum()), int((mpc < zd).sum())
+            both = np.isfinite(zd) & np.isfinite(mpc)
+            lift = mpc[both] - zd[both]
+            text = f"higher at {above}, lower at {below} of {len(zd)} offsets"
+            text += (
+                f"; where both survive {lift.mean():+.1f} N in the mean, {lift.min():+.1f} at worst"
+                if len(lift)
+                else ""
+            )
+            return Finding(text=text, holds=above > 0 and below == 0)
+
+        claim = f"{READINGS[reading][0]}: its upper boundary is nowhere below ZD+PD's, and above it somewhere"
+        return Verdict.of(claim, "extended from the top", judge)
 
     def kept(plant: str) -> Finding:
-        zd, mpc = (inside[plant, controller] for controller in CONTROLLERS)
+        zd, mpc = (inside[f"{plant}-torso", controller] for controller in CONTROLLERS)
         share = float((zd & mpc).sum() / zd.sum()) if zd.any() else float("nan")
         return Finding(text=f"{100 * share:.1f} %", holds=None)
 
     panels, tables, notes = [], {}, []
-    for name, (plant, axis, grid) in maps.items():
+    for name, (plant, reading, grid) in maps.items():
         zd, mpc = (inside[name, controller] for controller in CONTROLLERS)
-        reading = "torso tilted about the hip" if axis == "torso" else "whole walker tilted about the foot"
-        panels.append(panel(zd, mpc, grid, title=f"{PLANT_NAMES[plant]}: {reading}"))
-        tables[f"basin-{name.replace(', ', '-').replace(' ', '-')}"] = table(results, name, grid)
-        if name not in PLANTS:
-            area = areas(name)
-            notes.append(
-                f"Sensitivity, {name}: {area[1]:.2f} (C-MPC) against {area[0]:.2f} (ZD+PD) rad N on "
-                f"{len(grid.torso)} x {len(grid.force)} points."
-            )
+        panels.append(panel(zd, mpc, grid, title=f"{PLANT_NAMES[plant]}: {READINGS[reading][0]}"))
+        tables[f"basin-{name}"] = table(results, name, grid)
         undecided = sum(
-            int((results[f"{name}/{controller}/{i}"]["fate"] == Fate.UNDECIDED).sum())
+            int((stacked(results, name, controller, "fate", grid) == Fate.UNDECIDED).sum())
             for controller in CONTROLLERS
-            for i in range(len(grid.torso))
         )
         if undecided:
             notes.append(f"{name}: {undecided} points undecided after {STEPS} steps, counted as outside.")
-    grid = maps["rigid"][2]
+    sizes = [" x ".join(str(n) for n in READINGS[r][4 if effort.quick else 3]) for r in READINGS]
     return Evaluation(
         verdicts=(
-            Verdict.of("C-MPC's basin is larger: area", "considerably larger", larger),
-            Verdict.of("its boundary is extended upward (forward forces)", "extended from the top", upward),
-            Verdict.of("points of ZD+PD's basin that C-MPC keeps", "not said", kept),
+            *(larger(reading) for reading in READINGS),
+            *(upward(reading) for reading in READINGS),
+            Verdict.of("torso tilted about the hip: points of ZD+PD's basin that C-MPC keeps", "not said", kept),
         ),
         panels=(tuple(panels),),
         tables=tables,
         notes=(
-            f"{len(grid.torso)} offsets x {len(grid.force)} forces, both controllers saturated. Converged: the "
-            f"state before an impact within {EPSILON:g} rad (rates in units of 4 rad/s) of the periodic one. "
-            "Fates in the data: 0 fell, 1 converged, 2 undecided.",
-            "'We disturb q5' is read as the torso tilting about the hip: q5 alone would tilt the whole walker "
-            "about its foot and start it with the other foot in the ground, which a plant with contact cannot do.",
+            f"{sizes[0]} offsets and forces, the literal reading {sizes[1]}; both controllers saturated. "
+            f"Converged: the state before an impact within {EPSILON:g} rad (rates in units of 4 rad/s) of the "
+            "periodic one. Fates in the data: 0 fell, 1 converged, 2 undecided.",
+            "'We disturb q5' is read in two ways. The literal one turns the whole walker about its foot, as the "
+            "other four angles are relative to q5; above 0 it starts with the swing foot in the ground, which the "
+            "pinned plant ignores and a plant with contact cannot do.",
             *notes,
         ),
     )
@@ -176,5 +196,5 @@ def _regions(zd: np.ndarray, mpc: np.ndarray, grid: Grid) -> tuple[Region, Regio
 
 
 def _top(inside: np.ndarray, grid: Grid) -> np.ndarray:
-    """Largest force survived at each offset in [N], NaN where none is, (m,)."""
-    return np.array([grid.force[np.flatnonzero(column)[-1]] if column.any() else np.nan for column in inside.T])
+    """Largest force survived at each offset in [N], (m,); minus infinity where none is."""
+    return np.array([grid.force[np.flatnonzero(column)[-1]] if column.any() else -np.inf for column in inside.T])

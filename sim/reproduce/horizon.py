@@ -4,18 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sim.reproduce.fig5 import FORCE, PUSHED, between, rms
-from sim.reproduce.measure import OUTCOMES
+from sim.reproduce.criteria import TENTH, no_larger, no_worse, walks
+from sim.reproduce.fig5 import FORCE, PUSHED_STEP, between, rms
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series
 from sim.reproduce.study import PLANT_NAMES, PLANTS, Effort, Evaluation, Finding, Results, Task, Verdict
 
-HORIZONS = (10, 20, 50, 100, 200, 500, 1000, 2000)
+HORIZONS = (10, 20, 50, 100, 200, 500, 2000)
 QUICK = (20, 100, 300)
 CHOSEN = 100
 STEPS = 5
 STRIDE, RESOLUTION, LARGEST = 16.0, 2.0, 200.0  # [N]
-FORCE_TOLERANCE = 0.1  # "no drastic change": survived force within 10 %
-RMS_TOLERANCE = 0.5  # and RMS deviation within 50 % of that at the longest horizon
 
 
 def _horizons(effort: Effort) -> tuple[int, ...]:
@@ -28,7 +26,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     for plant in PLANTS:
         for N in _horizons(effort):
             base = {"controller.horizon": N, "steps": 4 if effort.quick else STEPS}
-            push = {"pushes.0.force": FORCE, "pushes.0.step": PUSHED}
+            push = {"pushes.0.force": FORCE, "pushes.0.step": PUSHED_STEP}
             each = STEPS * (1.0 + 0.02 * N)
             found[f"{plant}/{N}/walk"] = Task(
                 function="sim.reproduce.measure:walk",
@@ -59,8 +57,8 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
 
     def errors(plant: str) -> np.ndarray:
         runs = [results[f"{plant}/{N}/walk"] for N in horizons]
-        walked = [OUTCOMES[int(run["outcome"])] == "completed" for run in runs]
-        values = [rms(run["y"][between(run, PUSHED, STEPS)]) for run in runs]
+        walked = [walks(int(run["outcome"])) for run in runs]
+        values = [rms(run["y"][between(run, PUSHED_STEP, STEPS)]) for run in runs]
         return np.where(walked, values, np.nan)
 
     def ticks(plant: str) -> np.ndarray:
@@ -71,12 +69,12 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     def force(plant: str) -> Finding:
         chosen, longest = forces(plant)[[at, -1]]
         text = f"{chosen:g} N at N = {CHOSEN}, {longest:g} N at N = {horizons[-1]}"
-        return Finding(text=text, holds=bool(chosen >= (1.0 - FORCE_TOLERANCE) * longest))
+        return Finding(text=text, holds=no_worse(chosen, longest))
 
     def error(plant: str) -> Finding:
         chosen, longest = errors(plant)[[at, -1]]
         text = f"{chosen:.4f} rad at N = {CHOSEN}, {longest:.4f} rad at N = {horizons[-1]}"
-        return Finding(text=text, holds=bool(chosen <= (1.0 + RMS_TOLERANCE) * longest))
+        return Finding(text=text, holds=no_larger(chosen, longest))
 
     styles = {"rigid": (BLUE, "solid"), "mujoco": (ORANGE, "dashed")}
 
@@ -99,12 +97,12 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     return Evaluation(
         verdicts=(
             Verdict.of(
-                f"survived force at N = {CHOSEN} within 10 % of the longest horizon's, or above",
+                f"survived force at N = {CHOSEN} at most {TENTH:.0%} below the longest horizon's",
                 "no drastic change",
                 force,
             ),
             Verdict.of(
-                f"RMS deviation at N = {CHOSEN} within 50 % of the longest horizon's, or below",
+                f"RMS deviation at N = {CHOSEN} at most {TENTH:.0%} above the longest horizon's",
                 "no drastic change",
                 error,
             ),

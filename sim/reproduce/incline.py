@@ -2,15 +2,19 @@
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from sim.reproduce.panels import CONTROLLER_STYLES, Level, LinePanel, Series
+from sim.reproduce import criteria
+from sim.reproduce.panels import CONTROLLER_STYLES, Level, LinePanel, Series, Span
 from sim.reproduce.study import (
     CONTROLLER_NAMES,
     CONTROLLERS,
     PLANT_NAMES,
     PLANTS,
+    Arrays,
     Effort,
     Evaluation,
     Finding,
@@ -25,8 +29,10 @@ DIRECTIONS = {"up": 1.0, "down": -1.0}
 START = 1.0  # [m], behind two and a half steps of level ground
 STEP = 0.4  # [m]
 BEYOND = 4  # steps behind the ramp
-STRIDE, RESOLUTION, STEEPEST = 0.02, 0.0025, 0.6  # [rad]
-NOTICEABLE = math.radians(1.0)
+SHOWN_SLOPE, SHOWN_LENGTH = 0.03, 1.0  # [rad], [m] of the runs that are looked into
+ON_RAMP = 2  # steps completed when the first foot reaches for the ramp
+IN_THE_AIR = 1e-3  # [m] clearance above which a foot surely does not touch the ground
+STRIDE, RESOLUTION, STEEPEST = 0.04, 0.005, 0.6  # [rad]
 
 
 def _steps(length: float) -> int:
@@ -34,26 +40,38 @@ def _steps(length: float) -> int:
     return math.ceil((START + length) / STEP) + BEYOND
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
-    """One search for each plant, controller, length and direction."""
+def _ramp(slope: float, length: float) -> dict[str, Any]:
     return {
+        "steps": _steps(length),
+        "plant.ground.ramps.0.slope": slope,
+        "plant.ground.ramps.0.start": START,
+        "plant.ground.ramps.0.length": length,
+    }
+
+
+def tasks(effort: Effort) -> Mapping[str, Task]:
+    """One search for each plant, controller, length and direction, and a walk of each over the same ramp."""
+    walks = {
+        f"{plant}/{controller}/walk/{direction}": Task(
+            function="sim.reproduce.measure:walk",
+            arguments={
+                "scenario": effort.scenario(plant, controller, _ramp(sign * SHOWN_SLOPE, SHOWN_LENGTH)),
+            },
+            cost=_steps(SHOWN_LENGTH) * (3.0 if controller == "c-mpc" else 1.0),
+        )
+        for plant in PLANTS
+        for controller in CONTROLLERS
+        for direction, sign in DIRECTIONS.items()
+    }
+    return walks | {
         f"{plant}/{controller}/{length:g}/{direction}": Task(
             function="sim.reproduce.measure:largest_survived",
             arguments={
-                "scenario": effort.scenario(
-                    plant,
-                    controller,
-                    {
-                        "steps": _steps(length),
-                        "plant.ground.ramps.0.slope": 0.0,
-                        "plant.ground.ramps.0.start": START,
-                        "plant.ground.ramps.0.length": length,
-                    },
-                ),
+                "scenario": effort.scenario(plant, controller, _ramp(0.0, length)),
                 "path": "plant.ground.ramps.0.slope",
                 "sign": sign,
-                "stride": 2 * STRIDE if effort.quick else STRIDE,
-                "resolution": 2 * STRIDE if effort.quick else RESOLUTION,
+                "stride": STRIDE,
+                "resolution": 0.5 * STRIDE if effort.quick else RESOLUTION,
                 "limit": STEEPEST,
             },
             cost=_steps(length) * (20.0 if controller == "c-mpc" else 6.0),
@@ -63,6 +81,78 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
         for length in (QUICK_LENGTHS if effort.quick else LENGTHS)
         for direction, sign in DIRECTIONS.items()
     }
+
+
+def _fate(run: Arrays) -> str:
+    return "walks on" if criteria.walks(int(run["outcome"])) else f"falls in step {int(run['steps']) + 1}"
+
+
+def _expected(run: Arrays) -> np.ndarray:
+    """Whether the prediction has the swing foot land within the next tick while it is well above the ground, (n,)."""
+    found: np.ndarray = (run["impact_in"] == 1) & (run["clearance"] > IN_THE_AIR)
+    return found
+
+
+def _speeds(run: Arrays) -> str:
+    """Mean hip speed of every completed step in [m/s]."""
+    landed = [0, *run["landed"][run["landed"] < len(run["t"])].tolist()]
+    speeds = [(run["hip"][b, 0] - run["hip"][a, 0]) / (run["t"][b] - run["t"][a]) for a, b in pairwise(landed)]
+    return ", ".join(f"{speed:.2f}" for speed in speeds)
+
+
+def _reasons(results: Results, plant: str) -> str:
+    """What the runs over the same ramp show."""
+    zd, mpc = (results[f"{plant}/{controller}/walk/down"] for controller in CONTROLLERS)
+    early = _expected(mpc)
+    torque = float(np.abs(mpc["u_mpc"][early]).max()) if early.any() else 0.0
+    down = (
+        f"{PLANT_NAMES[plant]}, {math.degrees(SHOWN_SLOPE):.1f} deg down for {SHOWN_LENGTH:g} m: ZD+PD {_fate(zd)}, "
+        f"C-MPC {_fate(mpc)}; in {int(early.sum())} ticks its prediction lands a foot at once that is in the air, and "
+        f"the MPC's torque reaches {torque:.0f} N.m in them."
+    )
+    zd, mpc = (results[f"{plant}/{controller}/walk/up"] for controller in CONTROLLERS)
+    return (
+        f"{down} As much up: ZD+PD {_fate(zd)} at {_speeds(zd)} m/s step by step, C-MPC {_fate(mpc)} at "
+        f"{_speeds(mpc)} m/s."
+    )
+
+
+def _late(results: Results) -> tuple[str, ...]:
+    """What is wrong downhill, where it is."""
+    if not any(_expected(results[f"{plant}/c-mpc/walk/down"]).any() for plant in PLANTS):
+        return ()
+    return (
+        "C-MPC believes in level ground. Downhill the touch-down is late, and a foot that has sunk to the level of the "
+        "stance foot lands in the prediction, tick after tick, although it is measured in the air: the MPC spends its "
+        "torque on a step that has not begun.",
+    )
+
+
+def _landing(results: Results, plant: str) -> LinePanel:
+    """The swing foot around the first touch-down on the ramp downwards."""
+    lines = []
+    spans: tuple[Span, ...] = ()
+    for controller in CONTROLLERS:
+        run = results[f"{plant}/{controller}/walk/down"]
+        landed = run["landed"]
+        start = int(landed[ON_RAMP - 1]) if len(landed) >= ON_RAMP else 0
+        end = int(landed[ON_RAMP]) if len(landed) > ON_RAMP else len(run["t"])
+        shown = slice(start, min(end, start + round(1.2 / float(run["t"][1] - run["t"][0]))))
+        colour, dash = CONTROLLER_STYLES[controller]
+        x, y = run["t"][shown] - run["t"][start], 100.0 * run["clearance"][shown]
+        lines.append(Series(name=CONTROLLER_NAMES[controller], x=x, y=y, colour=colour, dash=dash))
+        at = np.flatnonzero(_expected(run)[shown])
+        if controller == "c-mpc" and len(at):
+            spans = (Span(x0=float(x[at[0]]), x1=float(x[at[-1]]), name="C-MPC expects it to land at once"),)
+    return LinePanel(
+        title=f"{PLANT_NAMES[plant]}: {math.degrees(SHOWN_SLOPE):.1f} deg down, step {ON_RAMP + 1}",
+        x_label="time since the last touch-down [s]",
+        y_label="swing foot over the ground [cm]",
+        series=tuple(lines),
+        levels=(Level(y=0.0),),
+        spans=spans,
+        y_range=(-1.0, 12.0),
+    )
 
 
 def evaluate(results: Results, effort: Effort) -> Evaluation:
@@ -77,10 +167,10 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         def judge(plant: str) -> Finding:
             steepest = slopes(plant, "c-mpc", direction)
             text = ", ".join(f"{math.degrees(s):.1f}" for s in steepest) + " deg"
-            return Finding(text=text, holds=bool((steepest >= NOTICEABLE).all()))
+            return Finding(text=text, holds=bool((steepest >= criteria.INCLINE).all()))
 
         of = ", ".join(f"{length:g}" for length in lengths)
-        claim = f"C-MPC walks {direction} unexpected ramps of {of} m, 1 deg at least"
+        claim = f"C-MPC walks {direction} unexpected ramps of {of} m, {math.degrees(criteria.INCLINE):g} deg at least"
         return Verdict.of(claim, "navigates (video)", judge)
 
     def steeper(direction: str) -> Verdict:
@@ -120,12 +210,15 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         }
     return Evaluation(
         verdicts=(*(navigates(d) for d in DIRECTIONS), *(steeper(d) for d in DIRECTIONS)),
-        panels=(tuple(panels),),
+        panels=(tuple(panels), tuple(_landing(results, plant) for plant in PLANTS)),
         tables=tables,
         notes=(
             f"The paper gives no slope; ramps begin {START:g} m ahead, are tried every "
             f"{math.degrees(STRIDE):.1f} deg until the walker falls and then bisected; a run ends four "
             "steps behind the ramp.",
             "The rigid plant's foot never slips, and its swing foot passes through ground behind the stance foot.",
+            *_late(results),
+            "Uphill both walkers lose speed; the MPC weighs outputs, not speed.",
+            *(_reasons(results, plant) for plant in PLANTS),
         ),
     )

@@ -25,6 +25,7 @@ class Record:
         self._rows: list[tuple[NDArray[np.float64], ...]] = []
         self._forces: list[Vector] = []
         self._stance: list[int] = []
+        self._scalars: list[tuple[float, float, float]] = []
         self._landed: list[int] = []
         self._last: PlantState | None = None
 
@@ -35,6 +36,8 @@ class Record:
         joints = (step.u_zd, step.u_mpc, step.u_total, applied)
         self._rows.append((state.q, step.y, step.dy, *(u[order] for u in joints), state.hip, state.foot.ravel()))
         self._forces.append(state.contact_force)
+        swing = 1 if step.stance == "left" else 0
+        self._scalars.append((step.slack, float(state.clearance[swing]), step.impact_in))
         self._stance.append(0 if step.stance == "left" else 1)
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
@@ -47,11 +50,14 @@ class Record:
 
         "t" (n,), "q" (n, 5) body order, "y", "dy", "u_zd", "u_mpc", "u", "torque" (n, 4) stance order, "hip"
         (n, 2), "foot" (n, 4), "force" (n, 2) tangential and normal force on the stance foot over each hold,
-        "stance" (n,) 0 left, "landed" ticks of the touch-downs.
+        "stance" (n,) 0 left, "slack" (n,) [N] by which friction rows were softened anywhere in the horizon,
+        "clearance" (n,) of the swing foot over the ground, "impact_in" (n,) ticks to the impact the controller
+        expects, -1 for none, "landed" ticks of the touch-downs.
         """
         names = ("q", "y", "dy", "u_zd", "u_mpc", "u", "torque", "hip", "foot")
         columns = dict(zip(names, (np.array(column) for column in zip(*self._rows, strict=True)), strict=True))
         stance = np.array(self._stance)
+        slack, clearance, impact_in = np.array(self._scalars).T
         # The state of tick k + 1 carries the mean force over hold k.
         over_hold = np.array([*self._forces[1:], np.full((2, 2), np.nan)])
         return {
@@ -59,6 +65,9 @@ class Record:
             **columns,
             "force": over_hold[np.arange(len(stance)), stance],
             "stance": stance,
+            "slack": slack,
+            "clearance": clearance,
+            "impact_in": impact_in.astype(int),
             "landed": np.array(self._landed, dtype=int),
         }
 
@@ -158,20 +167,22 @@ def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: i
     return {"value": np.array(value), "tried": np.array(tried), "survived": np.array(counts)}
 
 
-def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]:
+def stability(scenario: str, step_sizes: list[float], repeats: int) -> dict[str, NDArray[Any]]:
     """Fixed point and eigenvalues of the step map (`sim.poincare`).
 
     Returns:
         "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
-        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h", "spread",
-        "roughness", "study_h", "study_largest".
+        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h",
+        "noise", "roughness", "study_h", "study_largest", "study_jumps".
     """
     from sim import poincare
+    from sim.fixed_point import find_fixed_point
+    from sim.step_map import Fell
 
     rig = _rig(scenario)
     summary = rig.run(NoTape(), steps=15)
     fell = 0 if summary.outcome == Outcome.COMPLETED.value else summary.steps + 1
-    point = poincare.find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
+    point = find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
     found = {
         "converged": np.array(point.converged),
         "residual": np.array(point.residual),
@@ -182,15 +193,16 @@ def stability(scenario: str, step_sizes: list[float]) -> dict[str, NDArray[Any]]
     if not point.converged:
         return found
     try:
-        s = poincare.analyse(rig.step_map, rig.surface, point.x, step_sizes=tuple(step_sizes))
-    except poincare.Fell:
+        s = poincare.analyse(rig.step_map, rig.surface, point.x, step_sizes=tuple(step_sizes), repeats=repeats)
+    except Fell:
         return found
     return found | {
         "largest": np.array(s.largest),
         "eigenvalues": np.abs(s.eigenvalues),
         "h": np.array(s.h),
-        "spread": np.array(s.spread),
+        "noise": np.array(s.noise),
         "roughness": np.array(s.roughness),
         "study_h": np.array([row.h for row in s.study]),
         "study_largest": np.array([np.nan if row.largest is None else row.largest for row in s.study]),
+        "study_jumps": np.array([row.jumps for row in s.study]),
     }

@@ -25,9 +25,9 @@ KINDS = {
 }
 """Kind -> settings that take the standard deviation, least one tried, unit."""
 
-RATIO, RUNGS = 1.5, 20  # standard deviations form a ladder: least * RATIO ** rung
+RATIO, RUNGS = 2.0, 12  # standard deviations form a ladder: least * RATIO ** rung
 SEEDS, QUICK_SEEDS = 20, 2
-STEPS, QUICK_STEPS = 6, 4
+STEPS, QUICK_STEPS = 5, 4
 
 
 def ladder(kind: str) -> np.ndarray:

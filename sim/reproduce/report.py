@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from sim.reproduce import EXPERIMENTS
+from sim.reproduce.criteria import RULES
 from sim.reproduce.draw import draw
 from sim.reproduce.panels import LinePanel, Panel
 from sim.reproduce.study import PLANT_NAMES, Evaluation, Finding, Verdict
@@ -68,11 +69,21 @@ def write_page(found: Mapping[str, Evaluation], folder: Path, *, quick: bool) ->
         "<nav>" + "".join(f'<a href="#{name}">{name}</a>' for name in found) + "</nav>",
         "<h2>Verdicts</h2>",
         _table(rows),
+        "<h3>When a claim holds</h3>",
+        _criteria(),
     ]
     sections = [_section(name, evaluation, picture=folder / f"{name}.png") for name, evaluation in found.items()]
     path = folder / "index.html"
     path.write_text(_html("Reproduction", "\n".join([*head, *sections])), encoding="utf-8")
     return path
+
+
+def _criteria() -> str:
+    lines = ["<table><tr><th>words</th><th>the claim holds when</th><th>used in</th></tr>"]
+    for rule in RULES:
+        cells = (rule.words, rule.meaning, rule.used)
+        lines.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
+    return "\n".join([*lines, "</table>"])
 
 
 def _finding(verdict: Verdict, plant: str) -> Finding:

@@ -17,6 +17,10 @@ CONTROLLER_NAMES = {"zd-pd": "ZD+PD", "c-mpc": "C-MPC"}
 JOINT_NAMES = ("stance hip", "swing hip", "stance knee", "swing knee")
 """Order of torques and outputs in every result and figure."""
 
+UNDISTURBED: Mapping[str, Any] = {"steps": 15}
+PUSHED: Mapping[str, Any] = {"steps": 12, "pushes.0.force": 25.0, "pushes.0.step": 2}
+"""Walks that several figures show; asked for in the same words they are run once."""
+
 TORQUE_LIMITS = np.array([75.0, 75.0, 50.0, 50.0])  # [N.m], Sec. IV
 
 Arrays = Mapping[str, NDArray[Any]]

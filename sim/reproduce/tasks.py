@@ -124,6 +124,8 @@ def run(
             done += _close(names, tasks, finished)
         else:
             missing[names[0]] = names
+    # The longest first, so that no worker is left alone with one at the end.
+    missing = dict(sorted(missing.items(), key=lambda item: -tasks[item[0]].cost))
     report = progress or (lambda *_: None)
     report(done, total)
     if workers == 1:
