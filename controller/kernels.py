@@ -468,6 +468,7 @@ def rollout(
     dtheta0 = 0.0
     N = out.u.shape[0]
     place(q, dq, stage)
+    _, height, _ = swing_foot(walker, stage)
     for k in range(N):
         for i in range(N_Q):
             out.x[k, i] = q[i]
@@ -489,10 +490,14 @@ def rollout(
             q[i] += T * dq[i] + 0.5 * T * T * stage.ddq[i]  # Eq. (10)
             dq[i] += T * stage.ddq[i]
         turn(q, dq, stage)
+        before = height
         ahead, height, rate = swing_foot(walker, stage)
-        out.exchange[k] = ahead > 0.0 and height <= 0.0 and rate < 0.0  # x in S, Eq. (4)
+        # x reaches S, Eq. (4). A foot measured in the air below S does not land: the ground is lower than believed,
+        # and an impact predicted for the next stage, tick after tick, would have the MPC lift the foot again.
+        out.exchange[k] = ahead > 0.0 and before > 0.0 and height <= 0.0 and rate < 0.0
         if out.exchange[k]:
             impact(walker, q, dq, stage)
+            _, height, _ = swing_foot(walker, stage)
     outputs(gait, q, dq, stage)
     for i in range(N_Q):
         out.x[N, i] = q[i]
