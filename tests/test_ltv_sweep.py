@@ -7,9 +7,11 @@ from controller.cascade import Friction
 from controller.ltv.cascade import LtvWeights
 from controller.ltv.cost import ROWS, new_problem, objective
 from controller.ltv.cost import model as quadratic
-from controller.ltv.horizon import Ground, look_ahead, new_horizon
+from controller.ltv.horizon import look_ahead, new_horizon
+from controller.ltv.landing import Ground
 from controller.ltv.orbit import find_orbit
-from controller.ltv.sweep import AT_LOWER, AT_UPPER, FREE, N_Z, new_state, residuals, solve
+from controller.ltv.problem import AT_LOWER, AT_UPPER, FREE, N_Z, new_state, residuals
+from controller.ltv.sweep import solve
 
 N = 8
 

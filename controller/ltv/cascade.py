@@ -11,9 +11,9 @@ from controller.gait import Gait
 from controller.kernels import Gains
 from controller.ltv import plan
 from controller.ltv.cost import Cost
-from controller.ltv.horizon import Ground
+from controller.ltv.landing import Ground
 from controller.ltv.orbit import find_orbit
-from controller.ltv.sweep import residuals
+from controller.ltv.problem import residuals
 from controller.model import WalkerModel
 from controller.records import ControlStep, Observation, StanceState, Vector
 from controller.stance import StanceEstimator

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from controller.kernels import Array, Gains, GaitTable, Walker, compiled
 from controller.ltv.cost import FORCE_ROWS, ROWS, Cost, excess, model, new_problem, objective
-from controller.ltv.horizon import Ground, LtvHorizon, look_ahead, new_horizon
+from controller.ltv.horizon import LtvHorizon, look_ahead, new_horizon
+from controller.ltv.landing import Ground
 from controller.ltv.orbit import Orbit
-from controller.ltv.sweep import LtvProblem, LtvState, new_state, solve
+from controller.ltv.problem import LtvProblem, LtvState, new_state
+from controller.ltv.sweep import solve
 
 HALVINGS = 3
 SWEEPS = 5
