@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
 from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape
-from sim.models import ModelFiles
+from sim.models import LIBRARY, ModelFiles, library_json
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
@@ -36,6 +37,10 @@ from sim.sections import Surface
 from sim.sensors import Sensors
 from sim.terrain import Terrain
 from sim.viewer import check_display, viewer
+
+if TYPE_CHECKING:
+    from controller.family import GaitFamily
+    from controller.fitting import Follower
 
 __all__ = [
     "Belief",
@@ -68,10 +73,12 @@ class Belief:
     Attributes:
         model: Analytic model.
         gait: The gait to follow.
+        library: Folder of the gait library.
     """
 
     model: WalkerModel
     gait: Gait
+    library: Path
 
 
 @contextlib.contextmanager
@@ -95,7 +102,7 @@ def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     files = files or ModelFiles.of(scenario)
     with _as_user_errors():
         model = WalkerModel(files.urdf)
-        return Belief(model=model, gait=load_gait(files.gait, model))
+        return Belief(model=model, gait=load_gait(files.gait, model), library=files.library)
 
 
 @functools.lru_cache(maxsize=4)
@@ -113,8 +120,34 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         solver: Used instead of the one the settings name.
 
     Raises:
-        UserError: unknown solver.
+        UserError: unknown solver, or no gait library where gaits are fitted.
     """
+    law = _law(settings, belief, solver)
+    fitting = settings.gait_fitting
+    if not fitting.enabled:
+        return law
+    from controller.fitting import FittingRule, GaitFitting
+
+    rule = FittingRule(
+        share=fitting.share,
+        slower=fitting.slower,
+        faster=fitting.faster,
+        hysteresis=fitting.hysteresis,
+        most=fitting.most,
+    )
+    with _as_user_errors():
+        return GaitFitting(law, belief.model, _family(belief), rule)
+
+
+@functools.lru_cache(maxsize=4)
+def _family(belief: Belief) -> "GaitFamily":
+    from controller.family import GaitFamily
+    from controller.library import GaitLibrary  # only where gaits are fitted
+
+    return GaitFamily.around(belief.gait, GaitLibrary.load(belief.library, belief.model))
+
+
+def _law(settings: ControllerSettings, belief: Belief, solver: Solver | None) -> "Follower":
     gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
     if settings.kind == "zd-pd":
         return ZeroDynamicsController(belief.model, belief.gait, gains)
@@ -134,7 +167,7 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         )
 
 
-def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:
+def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> "Follower":
     from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
 
     ltv = settings.ltv
@@ -149,6 +182,8 @@ def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Ga
         substeps=ltv.substeps,
         weights=LtvWeights(
             output=ltv.output,
+            output_calm=ltv.output_calm,
+            calm=ltv.calm,
             output_rate=ltv.output_rate,
             clock_rate=ltv.clock_rate,
             torque=ltv.torque,
@@ -315,6 +350,7 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant,
     walk_length = RUN_UP + LONGEST_STEP * scenario.steps
     terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=walk_length)
     git = provenance.git_state()
+    fits = scenario.controller.gait_fitting.enabled
     return RunHeader(
         scenario_name=scenario.name,
         scenario_toml=to_toml(scenario),
@@ -330,5 +366,6 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant,
             files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
             files.urdf.name: ("application/xml", files.urdf.read_bytes()),
             files.gait.name: ("application/toml", files.gait.read_bytes()),
+            **({LIBRARY: ("application/json", library_json(files.library))} if fits else {}),
         },
     )
