@@ -1,17 +1,20 @@
 """A family of gaits around one, by speed: what the gait library says a change of speed means.
 
-The walker follows a gait of its own, which need not be in the library. The member of the family at another speed is the
-library's gait of that speed and the own gait's step length, plus a part of what sets the own gait apart from the
-library: all of it at the own speed, so that the member there is the gait itself, none at the ends of the library. The
-sum is taken in the free numbers of `design.parameters`, where all sums are hybrid invariant. Members are worked out on
-a grid beforehand; between its points their coefficients are mixed, which takes microseconds.
+The walker follows a gait of its own, which need not be in the library. A member of the family is a library gait of
+another speed and the same step length, plus a part of what sets the own gait apart from the library's at its own speed:
+all of it there, so that the member is the gait itself, and none at the ends of the library, whose gaits are easy at
+their speeds, which the own gait, sped up or slowed down, is not. The sum is taken in the free numbers of
+`design.parameters`, where all sums are hybrid invariant, and has a speed of its own. The family ends where a sum has no
+periodic orbit, needs more torque than there is, or stops getting slower or faster. Members are worked out on a grid
+beforehand; between its points their coefficients are mixed, which takes microseconds.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from controller.design.orbit import periodic_orbit
+from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import CLOCK, NoPosture, Parametrisation, elevate, with_rates
 from controller.errors import ControllerInputError
 from controller.gait import Gait
@@ -64,30 +67,40 @@ class GaitFamily:
         middle = space.vector(gait)
         own = periodic_orbit(model, space.gait(middle))
         apart = middle - space.vector(library.gait(own.speed, own.step_length))
-        speeds = _grid(library.speeds - own.speed)
-        members, rates, momenta = [], [], []
-        for faster in speeds:
-            there = space.vector(library.gait(own.speed + faster, own.step_length))
-            try:
-                member = space.gait(there + _nearness(speeds, faster) * apart)
-            except NoPosture as error:
-                raise ControllerInputError(f"gait {gait.name!r}: no gaits to fit around it, {error}") from error
-            orbit = periodic_orbit(model, member)
-            members.append(with_rates(member, orbit))
-            rates.append(np.polynomial.polynomial.polyfit(orbit.s, orbit.dtheta, DEGREE))
-            momenta.append(-orbit.inertia[0] * orbit.dtheta[0] if orbit.exists else np.nan)
-        rate, momentum = np.array(rates), np.array(momenta)
-        if not (np.diff(momentum) > 0.0).all():
+
+        def outward(end: float) -> list[tuple[Gait, Orbit]]:
+            """Members from the own speed to the library's end of it, up to the first that can not be walked."""
+            found: list[tuple[Gait, Orbit]] = []
+            for away in np.linspace(0.0, 1.0, math.ceil(abs(end - own.speed) / SPEED_STEP) + 1):
+                there = space.vector(library.gait((1.0 - away) * own.speed + away * end, own.step_length))
+                try:
+                    member = space.gait(there + (1.0 - away) * apart)
+                except NoPosture:
+                    break
+                orbit = periodic_orbit(model, member)
+                if not orbit.exists or (np.abs(orbit.u).max(axis=0) > model.torque_limits).any():
+                    break
+                if found and not _further(found[-1][1], orbit, sign=end - own.speed):
+                    break
+                found.append((with_rates(member, orbit), orbit))
+            return found
+
+        slower, faster = outward(float(library.speeds[0])), outward(float(library.speeds[-1]))
+        members, at = slower[:0:-1] + faster, len(slower) - 1
+        speeds = np.array([orbit.speed - own.speed for _, orbit in members])
+        if len(members) < 2:
             raise ControllerInputError(
-                f"gait {gait.name!r}: mixed with the gait library it has no orbit at some speeds; legal where gaits "
-                "are fitted: a gait nearer to the library's"
+                f"gait {gait.name!r}: mixed with the gait library it gives no other gaits; legal where gaits are "
+                "fitted: a gait nearer to the library's"
             )
-        # What the free numbers can not say of the own gait, such as the rounding of a printed table, goes with it too.
-        at = int(np.flatnonzero(speeds == 0.0)[0])
-        near = np.array([_nearness(speeds, faster) for faster in speeds])
-        alpha = np.array([member.alpha for member in members])
-        q_minus = np.array([member.q_minus for member in members])
-        dq_minus = np.array([member.dq_minus for member in members])
+        speeds[at] = 0.0  # the own gait's to the bit
+        momentum = np.array([_momentum(orbit) for _, orbit in members])
+        alpha = np.array([member.alpha for member, _ in members])
+        q_minus = np.array([member.q_minus for member, _ in members])
+        dq_minus = np.array([member.dq_minus for member, _ in members])
+        rate = np.array([np.polynomial.polynomial.polyfit(orbit.s, orbit.dtheta, DEGREE) for _, orbit in members])
+        # What the free numbers can not say of the own gait, such as the rounding of a printed table, fades likewise.
+        near = np.concatenate((np.linspace(0.0, 1.0, at + 1), np.linspace(1.0, 0.0, len(members) - at)[1:]))
         return cls(
             gait=gait,
             speed=own.speed,
@@ -134,16 +147,11 @@ class GaitFamily:
         return (1.0 - weight) * values[cell] + weight * values[cell + 1]
 
 
-def _grid(known: Vector) -> Vector:
-    """From the slowest to the fastest library gait, 0 exactly among them."""
-    slowest, fastest = float(known[0]), float(known[-1])
-    if slowest == fastest:
-        raise ControllerInputError("the gait library has one speed; legal where gaits are fitted: two or more")
-    below = np.linspace(slowest, 0.0, int(np.ceil(-slowest / SPEED_STEP)) + 1)
-    above = np.linspace(0.0, fastest, int(np.ceil(fastest / SPEED_STEP)) + 1)
-    return np.concatenate((below, above[1:]))
+def _momentum(orbit: Orbit) -> float:
+    """About the stance foot after the impact in [kg m^2/s], positive forward."""
+    return float(-orbit.inertia[0] * orbit.dtheta[0])
 
 
-def _nearness(speeds: Vector, faster: float) -> float:
-    """1 at the own gait's speed, falling linearly to 0 at the ends of the grid."""
-    return float(1.0 - faster / speeds[-1 if faster > 0.0 else 0]) if faster else 1.0
+def _further(last: Orbit, orbit: Orbit, sign: float) -> bool:
+    """Whether an orbit is faster (or slower, for a negative sign) than the last, by its speed and its momentum."""
+    return sign * (orbit.speed - last.speed) > 0.0 and sign * (_momentum(orbit) - _momentum(last)) > 0.0

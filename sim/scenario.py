@@ -107,7 +107,7 @@ class FittingSettings:
 
     enabled: bool = False
     share: Ratio = -1.0
-    slower: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.15
+    slower: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.25
     faster: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.0
     hysteresis: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.02
     most: Annotated[float, Unit("m/s"), POSITIVE] = 0.3

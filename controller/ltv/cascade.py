@@ -60,7 +60,6 @@ class LtvWeights:
             normal_min=float(friction.normal_min) if friction else 0.0,
         )
 
-
     def output_at(self, off: float) -> float:
         """Weight on y^2 at a distance of the clock's rate from the nominal one in [rad/s].
 
