@@ -81,8 +81,8 @@ class LtvSettings:
     stage_time: Annotated[Second, POSITIVE] = 6e-3
     substeps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 1
     output: Annotated[float, Unit("1/rad^2"), POSITIVE] = 1e5
-    output_calm: Annotated[float, Unit("1/rad^2"), POSITIVE] = 1e6
-    calm: Annotated[float, Unit("rad/s"), POSITIVE] = 0.05
+    output_calm: Annotated[float, Unit("1/rad^2"), POSITIVE] = 2e6
+    calm: Annotated[float, Unit("rad/s"), POSITIVE] = 0.02
     output_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 1e3
     clock_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 3e4
     torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 0.1

@@ -18,7 +18,17 @@ N = 8
 
 @pytest.fixture
 def weights():
-    return LtvWeights(output=1e5, output_rate=1e3, clock_rate=3e4, torque=1.0, last=10.0, torque_penalty=1e3)
+    return LtvWeights(
+        output=1e5, output_calm=1e6, calm=0.02, output_rate=1e3, clock_rate=3e4, torque=1.0, last=10.0,
+        torque_penalty=1e3,
+    )  # fmt: skip
+
+
+def test_outputs_weigh_more_near_the_orbit(weights):
+    assert weights.output_at(0.0) == 1e6 and weights.output_at(0.02) == pytest.approx(5.5e5)
+    assert weights.output_at(1e200) == 1e5
+    steps = [weights.output_at(off) for off in np.linspace(0.0, 0.5, 50)]
+    assert (np.diff(steps) < 0.0).all()
 
 
 def random_problem(seed, box=1e9, bind=True):

@@ -63,11 +63,11 @@ class LtvWeights:
     def output_at(self, off: float) -> float:
         """Weight on y^2 at a distance of the clock's rate from the nominal one in [rad/s].
 
-        Speed comes back by leaving the outputs, so the two pull at each other. Where there is no speed to give back
-        the outputs can be held ten times as tightly, and the plant's small departures from the nominal orbit do not
-        cost output error.
+        Speed comes back by leaving the outputs, so the two pull at each other. Where there is no speed to give back,
+        the outputs can be held more tightly, and small departures of the plant's own orbit from the nominal one cost
+        no output error.
         """
-        near = 1.0 / (1.0 + (off / self.calm) ** 2) if off < math.inf else 0.0
+        near = self.calm * self.calm / (self.calm * self.calm + off * off)
         return self.output + near * (self.output_calm - self.output)
 
 
