@@ -17,11 +17,10 @@ they see.
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from controller import kernels
 from controller.family import GaitFamily
 from controller.gait import Gait
 from controller.model import WalkerModel
-from controller.records import ControlStep, Observation, StanceState, Vector
+from controller.records import TORSO, ControlStep, Observation, StanceState, Vector
 from controller.stance import StanceEstimator
 
 
@@ -116,21 +115,9 @@ class GaitFitting:
                 meanwhile, so that states after it tell less.
         """
         q, dq = self.model.impact(before.q, before.dq)
-        return self.family.faster_by(momentum(self.model.lumped, q, dq))
+        momentum = -float(self.model.dynamics(q, dq).D[TORSO] @ dq)  # the clock runs against the absolute angles
+        return self.family.faster_by(momentum)
 
     def _follow(self, speed: float) -> None:
         self.speed = min(max(speed, float(self.family.speeds[0])), float(self.family.speeds[-1]))
         self.inner.follow(self.family.member(self.speed), self.family.rate_change(self.speed))
-
-
-@kernels.compiled
-def momentum(walker: kernels.Walker, q: Vector, dq: Vector) -> float:
-    """Angular momentum about the stance foot in [kg m^2/s], positive for a walker that falls forward."""
-    stage = kernels.new_stage()
-    kernels.place(q, dq, stage)
-    kernels.link_inertia(walker, stage)
-    total = 0.0
-    for i in range(kernels.N_Q):
-        for j in range(kernels.N_Q):
-            total -= (stage.D[i, j] if j <= i else stage.D[j, i]) * stage.dphi[j]
-    return total
