@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.kernels import Array, compiled
-from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, factorise, rates, smooth_gradient, step
+from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, newton_step, smooth_gradient
 
 TORQUE_TOLERANCE = 1e-9  # [N.m] beyond a bound
 GRADIENT_TOLERANCE = 1e-6  # [cost/(N.m)] of the wrong sign at a bound
@@ -73,9 +73,7 @@ def iterate(p: Problem, guess: Guess, u: Array, w: Array, gradient: Array, facto
                     Omega[k, q] = p.penalty
                     for i in range(4):
                         b[k, i] -= p.penalty * p.limits[k, q] * p.rows[k, q, i]
-        factorise(p, guess.fixed, R, Omega, factors)
-        step(p, guess.fixed, given, Omega, p.linear, b, factors, u)
-        rates(p, u, w)
+        newton_step(p, guess.fixed, given, R, Omega, p.linear, b, factors, u, w)
         smooth_gradient(p, u, w, gradient)
         if correct(p, guess, u, gradient) == 0:
             return count

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from controller.active_set import Guess
 from controller.kernels import Array, compiled
-from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, factorise, rates, smooth_gradient, step
+from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, newton_step, rates, smooth_gradient, step
 
 TO_BOUNDARY = 0.995  # share of the way to the nearest bound that a step may go
 FEASIBLE = 1e-7  # [N]
@@ -97,10 +97,9 @@ def minimise(
         mu, stationarity, feasibility = linearise(p, x, w, gradient, newton)
         if mu <= tolerance * scale and stationarity <= tolerance * scale and feasibility <= FEASIBLE:
             return count
-        factorise(p, free, newton.R, newton.Omega, factors)
         for part in second:
             part[:] = 0.0
-        direction(p, x, newton, 0.0, second, free, d)
+        direction(p, x, newton, 0.0, second, free, True, d)
         affine = complementarity(p, x, d, longest(x, newton, d))
         for k in range(N):
             for i in range(4):
@@ -108,7 +107,7 @@ def minimise(
                 second.upper[k, i] = -d.upper[k, i] * d.u[k, i]
             for q in range(r):
                 second.force[k, q] = d.force[k, q] * d.slack[k, q]
-        direction(p, x, newton, mu * (affine / mu) ** 3, second, free, d)
+        direction(p, x, newton, mu * (affine / mu) ** 3, second, free, False, d)
         alpha = min(1.0, TO_BOUNDARY * longest(x, newton, d))
         for k in range(N):
             for i in range(4):
@@ -204,10 +203,12 @@ def linearise(p: Problem, x: Point, w: Array, gradient: Array, newton: Newton) -
 
 
 @compiled
-def direction(p: Problem, x: Point, newton: Newton, mu: float, second: Point, free: NDArray[np.int8], d: Point) -> None:
-    """Newton direction towards complementarity products mu, less the second-order terms."""
+def direction(
+    p: Problem, x: Point, newton: Newton, mu: float, second: Point, free: NDArray[np.int8], fresh: bool, d: Point
+) -> None:
+    """Newton direction towards complementarity products mu, less the second-order terms; factorises if fresh."""
     N, r = p.limits.shape
-    b = np.empty((N, 4))
+    b, dw = np.empty((N, 4)), np.empty((N, 4))
     for k in range(N):
         for i in range(4):
             push = (mu - second.upper[k, i]) * newton.per_above[k, i]
@@ -218,7 +219,10 @@ def direction(p: Problem, x: Point, newton: Newton, mu: float, second: Point, fr
             d.force[k, q] = product * newton.per_row[k, q]
             for i in range(4):
                 b[k, i] += p.rows[k, q, i] * (x.force[k, q] + d.force[k, q])
-    step(p, free, x.u, newton.Omega, newton.a, b, newton.factors, d.u)
+    if fresh:
+        newton_step(p, free, x.u, newton.R, newton.Omega, newton.a, b, newton.factors, d.u, dw)
+    else:
+        step(p, free, x.u, newton.Omega, newton.a, b, newton.factors, d.u, dw)
     softness = 1.0 / p.penalty
     for k in range(N):
         for i in range(4):

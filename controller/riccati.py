@@ -15,7 +15,33 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.kernels import Array, cholesky4, cholesky4_solve, compiled
+from controller.fours import (
+    Matrix4,
+    Vector4,
+    combined,
+    dot,
+    inlined,
+    ldl,
+    matrix,
+    matrix_minus,
+    minus,
+    plus,
+    plus_diagonal,
+    plus_outer,
+    product,
+    rows_scaled,
+    symmetric_product,
+    scaled,
+    solve_lower,
+    solve_lower_rows,
+    solve_upper,
+    store,
+    store_matrix,
+    times,
+    transposed,
+    vector,
+)
+from controller.kernels import Array, compiled
 
 FREE, AT_LOWER, AT_UPPER = 0, -1, 1
 
@@ -35,130 +61,177 @@ class Problem(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Of the Newton matrix, stage by stage.
+    """Of the Newton matrix, stage by stage; the matrix F of a stage's free torques is L diag(1/d) L'.
 
     Attributes:
-        L: Cholesky factor of the matrix of the free torques, (N, 4, 4).
-        PM: Cost-to-go times M_k, (N, 4, 4).
-        K: Feedback du_k = K_k dw_k + ..., (N, 4, 4).
+        L: Its six numbers below the diagonal, as `fours.ldl` orders them, (N, 6).
+        d: Reciprocals of the pivots, (N, 4).
+        A: M_k' P with P the cost-to-go, (N, 4, 4).
+        Z: diag(d) L^-1 A, without the fixed torques' rows, (N, 4, 4).
     """
 
     L: Array
-    PM: Array
-    K: Array
+    d: Array
+    A: Array
+    Z: Array
 
 
 @compiled
 def new_factors(N: int) -> Factors:
     """Room for the factors of N stages."""
-    return Factors(np.zeros((N, 4, 4)), np.zeros((N, 4, 4)), np.zeros((N, 4, 4)))
+    return Factors(np.zeros((N, 6)), np.zeros((N, 4)), np.zeros((N, 4, 4)), np.zeros((N, 4, 4)))
 
 
 @compiled
-def factorise(p: Problem, fixed: NDArray[np.int8], R: Array, Omega: Array, factors: Factors) -> None:
-    """The matrix recursion.
+def newton_step(
+    p: Problem,
+    fixed: NDArray[np.int8],
+    given: Array,
+    R: Array,
+    Omega: Array,
+    a: Array,
+    b: Array,
+    factors: Factors,
+    du: Array,
+    dw: Array,
+) -> None:
+    """Factorise the Newton matrix and step.
 
     Args:
         p: Problem.
         fixed: Nonzero where the step of a torque is given, (N, 4).
+        given: Step of the fixed torques, (N, 4); ignored where they are free.
         R: Diagonal weight on the torques, (N, 4).
         Omega: Weights of the contact-force rows, (N, r).
+        a: Linear term on dw_{k+1}, (N, 4).
+        b: Linear term on du_k, (N, 4).
         factors: Filled.
+        du: Filled with the step, (N, 4).
+        dw: Filled with what it does to the rates, (N, 4), whose row k holds dw_{k+1}.
     """
     N, r = Omega.shape
-    P = np.zeros((4, 4))
-    x = np.empty(4)
+    rate, weight, rows = p.rate, p.weight, p.rows
+    kept_L, kept_d, kept_A, kept_Z = factors
+    zero = (0.0, 0.0, 0.0, 0.0)
+    P = (zero, zero, zero, zero)
+    c = zero
     for k in range(N - 1, -1, -1):
-        M, E, L, PM, K = p.rate[k], p.rows[k], factors.L[k], factors.PM[k], factors.K[k]
-        for i in range(4):
-            P[i, i] += p.weight[k, i]
-        for i in range(4):
-            for j in range(4):
-                PM[i, j] = P[i, 0] * M[0, j] + P[i, 1] * M[1, j] + P[i, 2] * M[2, j] + P[i, 3] * M[3, j]
-        for i in range(4):
-            for j in range(i + 1):
-                L[i, j] = M[0, i] * PM[0, j] + M[1, i] * PM[1, j] + M[2, i] * PM[2, j] + M[3, i] * PM[3, j]
-            L[i, i] += R[k, i]
+        M = matrix(rate, k)
+        P = plus_diagonal(P, vector(weight, k))
+        A = product(transposed(M), P)
+        F = plus_diagonal(product(A, M), vector(R, k))
         for q in range(r):
-            omega = Omega[k, q]
-            if omega != 0.0:
-                for i in range(4):
-                    for j in range(i + 1):
-                        L[i, j] += omega * E[q, i] * E[q, j]
-        for i in range(4):
-            if fixed[k, i] != FREE:
-                for j in range(i):
-                    L[i, j] = 0.0
-                for j in range(i + 1, 4):
-                    L[j, i] = 0.0
-                L[i, i] = 1.0
-        cholesky4(L)
-        for j in range(4):
-            for i in range(4):
-                x[i] = -PM[j, i] if fixed[k, i] == FREE else 0.0
-            cholesky4_solve(L, x)
-            for i in range(4):
-                K[i, j] = x[i]
-        for i in range(4):
-            for j in range(i + 1):
-                v = P[i, j] + PM[i, 0] * K[0, j] + PM[i, 1] * K[1, j] + PM[i, 2] * K[2, j] + PM[i, 3] * K[3, j]
-                P[i, j] = v
-                P[j, i] = v
+            if Omega[k, q] != 0.0:
+                F = plus_outer(F, Omega[k, q], _row(rows, k, q))
+        free = _free(fixed, k)
+        Y = A
+        if _any_fixed(free):
+            F = _without_fixed(F, free)
+            Y = rows_scaled(free, A)
+        L, d = ldl(F)
+        Y = solve_lower_rows(L, Y)
+        Z = rows_scaled(d, Y)
+        P = matrix_minus(P, symmetric_product(transposed(Y), Z))
+        c, t = _backward(rows, k, c, M, A, Z, L, d, free, given, Omega, a, b)
+        store(t, du, k)
+        store(d, kept_d, k)
+        store_matrix(A, kept_A, k)
+        store_matrix(Z, kept_Z, k)
+        for i in range(6):
+            kept_L[k, i] = L[i]
+    _forward(rate, kept_L, kept_Z, du, dw)
 
 
 @compiled
 def step(
-    p: Problem, fixed: NDArray[np.int8], given: Array, Omega: Array, a: Array, b: Array, factors: Factors, du: Array
+    p: Problem,
+    fixed: NDArray[np.int8],
+    given: Array,
+    Omega: Array,
+    a: Array,
+    b: Array,
+    factors: Factors,
+    du: Array,
+    dw: Array,
 ) -> None:
-    """The vector recursion backward, then forward.
+    """Step with the factors of the last `newton_step` and other linear terms; arguments as there."""
+    rate, rows = p.rate, p.rows
+    kept_L, kept_d, kept_A, kept_Z = factors
+    c = (0.0, 0.0, 0.0, 0.0)
+    for k in range(Omega.shape[0] - 1, -1, -1):
+        M, A, Z = matrix(rate, k), matrix(kept_A, k), matrix(kept_Z, k)
+        L, d = _lower(kept_L, k), vector(kept_d, k)
+        c, t = _backward(rows, k, c, M, A, Z, L, d, _free(fixed, k), given, Omega, a, b)
+        store(t, du, k)
+    _forward(rate, kept_L, kept_Z, du, dw)
 
-    Args:
-        p: Problem.
-        fixed: As for `factorise`.
-        given: Step of the fixed torques, (N, 4); ignored where they are free.
-        Omega: As for `factorise`.
-        a: Linear term on dw_{k+1}, (N, 4).
-        b: Linear term on du_k, (N, 4).
-        factors: From `factorise`.
-        du: Filled with the step, (N, 4).
-    """
-    N, r = Omega.shape
-    c = np.zeros(4)
-    x = np.empty(4)
-    for k in range(N - 1, -1, -1):
-        M, E, PM, v = p.rate[k], p.rows[k], factors.PM[k], du[k]
-        any_fixed = False
-        for i in range(4):
-            c[i] += a[k, i]
-            x[i] = c[i]
-            any_fixed = any_fixed or fixed[k, i] != FREE
-            v[i] = given[k, i] if fixed[k, i] != FREE else 0.0
-        if any_fixed:  # their effect on the cost-to-go and on the rows
-            for i in range(4):
-                x[i] += PM[i, 0] * v[0] + PM[i, 1] * v[1] + PM[i, 2] * v[2] + PM[i, 3] * v[3]
-        for i in range(4):
-            if fixed[k, i] == FREE:
-                v[i] = -b[k, i] - M[0, i] * x[0] - M[1, i] * x[1] - M[2, i] * x[2] - M[3, i] * x[3]
-        if any_fixed:
-            for q in range(r):
-                if Omega[k, q] != 0.0:
-                    force = 0.0
-                    for i in range(4):
-                        if fixed[k, i] != FREE:
-                            force += E[q, i] * v[i]
-                    for i in range(4):
-                        if fixed[k, i] == FREE:
-                            v[i] -= Omega[k, q] * force * E[q, i]
-        cholesky4_solve(factors.L[k], v)
-        for i in range(4):
-            c[i] += PM[i, 0] * v[0] + PM[i, 1] * v[1] + PM[i, 2] * v[2] + PM[i, 3] * v[3]
-    w = np.zeros(4)
-    for k in range(N):
-        K, M, v = factors.K[k], p.rate[k], du[k]
-        for i in range(4):
-            v[i] += K[i, 0] * w[0] + K[i, 1] * w[1] + K[i, 2] * w[2] + K[i, 3] * w[3]
-        for i in range(4):
-            w[i] += M[i, 0] * v[0] + M[i, 1] * v[1] + M[i, 2] * v[2] + M[i, 3] * v[3]
+
+@inlined
+def _free(fixed, k) -> Vector4:  # type: ignore[no-untyped-def]
+    """1 where a torque is free, 0 where its step is given."""
+    return (
+        1.0 if fixed[k, 0] == FREE else 0.0,
+        1.0 if fixed[k, 1] == FREE else 0.0,
+        1.0 if fixed[k, 2] == FREE else 0.0,
+        1.0 if fixed[k, 3] == FREE else 0.0,
+    )
+
+
+@inlined
+def _row(rows, k, q) -> Vector4:  # type: ignore[no-untyped-def]
+    """Contact-force row q of a stage."""
+    return (rows[k, q, 0], rows[k, q, 1], rows[k, q, 2], rows[k, q, 3])
+
+
+@inlined
+def _lower(L, k):  # type: ignore[no-untyped-def]
+    """L of a stage, as `fours.ldl` gives it."""
+    return (L[k, 0], L[k, 1], L[k, 2], L[k, 3], L[k, 4], L[k, 5])
+
+
+@inlined
+def _any_fixed(free: Vector4) -> bool:
+    return free[0] + free[1] + free[2] + free[3] < 4.0  # type: ignore[no-any-return]
+
+
+@inlined
+def _without_fixed(F: Matrix4, free: Vector4) -> Matrix4:
+    """Rows and columns of the fixed torques replaced by those of the identity."""
+    kept = (scaled(free, F[0]), scaled(free, F[1]), scaled(free, F[2]), scaled(free, F[3]))
+    kept = transposed(kept)
+    kept = (scaled(free, kept[0]), scaled(free, kept[1]), scaled(free, kept[2]), scaled(free, kept[3]))
+    return plus_diagonal(kept, (1.0 - free[0], 1.0 - free[1], 1.0 - free[2], 1.0 - free[3]))
+
+
+@inlined
+def _backward(rows, k, c, M, A, Z, L, d, free, given, Omega, a, b):  # type: ignore[no-untyped-def]
+    """The vector recursion at a stage: the linear term c of the cost-to-go, and the step but for its feedback."""
+    c = plus(c, vector(a, k))
+    g = vector(b, k)
+    u = (0.0, 0.0, 0.0, 0.0)
+    if _any_fixed(free):  # the given steps act on the cost-to-go and on the rows
+        g0 = vector(given, k)
+        u = minus(g0, scaled(free, g0))
+        c = plus(c, combined(u, A))
+        for q in range(Omega.shape[1]):
+            e = _row(rows, k, q)
+            force = Omega[k, q] * dot(e, u)
+            g = plus(g, (force * e[0], force * e[1], force * e[2], force * e[3]))
+    g = plus(g, combined(c, M))
+    s = solve_lower(L, scaled(free, (-g[0], -g[1], -g[2], -g[3])))
+    return plus(c, combined(s, Z)), plus(scaled(d, s), u)
+
+
+@inlined
+def _forward(rate: Array, kept_L: Array, kept_Z: Array, du: Array, dw: Array) -> None:
+    """Add the feedback on the rates and carry the rates on."""
+    w = (0.0, 0.0, 0.0, 0.0)
+    for k in range(du.shape[0]):
+        u = minus(vector(du, k), times(matrix(kept_Z, k), w))
+        u = solve_upper(_lower(kept_L, k), u)
+        w = plus(w, times(matrix(rate, k), u))
+        store(u, du, k)
+        store(w, dw, k)
 
 
 @compiled

@@ -108,8 +108,8 @@ def test_impact_comes_from_the_state_not_from_time(model, gait, gains, before_im
     for k in (1, 7, first - 1):
         later = predict(model, gait, gains, state(horizon.x[k, Q], horizon.x[k, DQ]), N - k, T)
         assert later.impact_in == first - k
-        assert np.array_equal(later.x, horizon.x[k:])
-        assert np.array_equal(later.u, horizon.u[k:])
+        np.testing.assert_allclose(later.x, horizon.x[k:], rtol=0.0, atol=1e-11)  # sines are carried along
+        np.testing.assert_allclose(later.u, horizon.u[k:], rtol=0.0, atol=1e-8)
     after = predict(model, gait, gains, state(horizon.x[first, Q], horizon.x[first, DQ]), N - first, T)
     assert after.impact_in == -1
 

@@ -59,9 +59,9 @@ def test_a_sweep_is_the_dense_newton_step(seed):
     weight_u, Omega = rng.uniform(1.0, 50.0, (N, 4)), rng.uniform(0.0, 1e3, (N, R)) * (rng.random((N, R)) < 0.5)
     fixed = rng.choice(np.array([-1, 0, 0, 1], dtype=np.int8), (N, 4))
     given, a, b = rng.normal(size=(3, N, 4))
-    du = np.empty((N, 4))
-    riccati.factorise(p, fixed, weight_u, Omega, factors)
-    riccati.step(p, fixed, given, Omega, a, b, factors, du)
+    du, again, dw = np.empty((3, N, 4))
+    riccati.newton_step(p, fixed, given, weight_u, Omega, a, b, factors, du, dw)
+    riccati.step(p, fixed, given, Omega, a, b, factors, again, dw)  # from the factors kept
 
     H, G = dense(problem, weight_u, Omega)
     gradient = G.T @ a.ravel() + b.ravel()
@@ -69,6 +69,8 @@ def test_a_sweep_is_the_dense_newton_step(seed):
     expected = given.ravel().copy()
     expected[free] = np.linalg.solve(H[np.ix_(free, free)], -(gradient + H[:, ~free] @ expected[~free])[free])
     np.testing.assert_allclose(du.ravel(), expected, rtol=1e-8, atol=1e-9)
+    np.testing.assert_array_equal(again, du)
+    np.testing.assert_allclose(dw.ravel(), G @ du.ravel(), rtol=1e-9, atol=1e-12)
 
 
 def test_the_gradient_is_that_of_the_objective():
