@@ -166,8 +166,8 @@ class Loop:
             self._tape.event(k, "info", "push", "push begins" if pushed else "push ends")
             self._pushed = pushed
         if step.followed != self._followed:
-            how = f"a gait {step.followed:+.3f} m/s faster" if step.followed else "its own gait again"
-            self._tape.event(k, "info", "gait", f"follows {how}")
+            how = f"{abs(step.followed):.3f} m/s {'faster' if step.followed > 0.0 else 'slower'} than its own"
+            self._tape.event(k, "info", "gait", f"follows a gait {how}" if step.followed else "follows its own gait")
             self._followed = step.followed
         if step.fallback and not self._fallback:
             self._tape.event(k, "warning", "fallback", f"saturated ZD+PD for this tick: {step.status}")
