@@ -33,6 +33,12 @@ def matrix(A, k) -> Matrix4:  # type: ignore[no-untyped-def]
 
 
 @inlined
+def row(rows, k, q) -> Vector4:  # type: ignore[no-untyped-def]
+    """Row q of stage k of an array (N, r, 4)."""
+    return (rows[k, q, 0], rows[k, q, 1], rows[k, q, 2], rows[k, q, 3])
+
+
+@inlined
 def store(x: Vector4, a, k) -> None:  # type: ignore[no-untyped-def]
     """Write a vector into row k of an array (N, 4)."""
     a[k, 0], a[k, 1], a[k, 2], a[k, 3] = x
@@ -66,9 +72,45 @@ def scaled(x: Vector4, y: Vector4) -> Vector4:
 
 
 @inlined
+def negative(x: Vector4) -> Vector4:
+    """-x."""
+    return (-x[0], -x[1], -x[2], -x[3])
+
+
+@inlined
+def reciprocal(x: Vector4) -> Vector4:
+    """1 / x, entry by entry."""
+    return (1.0 / x[0], 1.0 / x[1], 1.0 / x[2], 1.0 / x[3])
+
+
+@inlined
+def magnitude(x: Vector4) -> Vector4:
+    """|x|, entry by entry."""
+    return (abs(x[0]), abs(x[1]), abs(x[2]), abs(x[3]))
+
+
+@inlined
+def larger(x: Vector4, y: Vector4) -> Vector4:
+    """The larger one, entry by entry."""
+    return (max(x[0], y[0]), max(x[1], y[1]), max(x[2], y[2]), max(x[3], y[3]))
+
+
+@inlined
+def largest(x: Vector4) -> float:
+    """Largest entry."""
+    return max(x[0], x[1], x[2], x[3])
+
+
+@inlined
+def total(x: Vector4) -> float:
+    """Sum of the entries."""
+    return x[0] + x[1] + x[2] + x[3]
+
+
+@inlined
 def dot(x: Vector4, y: Vector4) -> float:
     """X' y."""
-    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3]  # type: ignore[no-any-return]
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3]
 
 
 @inlined

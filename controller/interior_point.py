@@ -12,6 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.active_set import Guess
+from controller.fours import (
+    dot,
+    larger,
+    largest,
+    less,
+    magnitude,
+    minus,
+    negative,
+    plus,
+    reciprocal,
+    row,
+    scaled,
+    store,
+    total,
+    vector,
+)
 from controller.kernels import Array, compiled
 from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, newton_step, rates, smooth_gradient, step
 
@@ -101,23 +117,40 @@ def minimise(
             part[:] = 0.0
         direction(p, x, newton, 0.0, second, free, True, d)
         affine = complementarity(p, x, d, longest(x, newton, d))
-        for k in range(N):
-            for i in range(4):
-                second.lower[k, i] = d.lower[k, i] * d.u[k, i]
-                second.upper[k, i] = -d.upper[k, i] * d.u[k, i]
-            for q in range(r):
-                second.force[k, q] = d.force[k, q] * d.slack[k, q]
+        second_order(d, second)
         direction(p, x, newton, mu * (affine / mu) ** 3, second, free, False, d)
         alpha = min(1.0, TO_BOUNDARY * longest(x, newton, d))
-        for k in range(N):
-            for i in range(4):
-                x.u[k, i] += alpha * d.u[k, i]
-                x.lower[k, i] += alpha * d.lower[k, i]
-                x.upper[k, i] += alpha * d.upper[k, i]
-            for q in range(r):
-                x.force[k, q] += alpha * d.force[k, q]
-                x.slack[k, q] += alpha * d.slack[k, q]
+        advance(x, alpha, d)
     return -limit
+
+
+@compiled
+def second_order(d: Point, second: Point) -> None:
+    """Products of the steps in what is complementary, which a Newton step leaves out."""
+    N, r = d.force.shape
+    d_u, d_low, d_high, d_force, d_slack = d
+    second_low, second_high, second_force = second.lower, second.upper, second.force
+    for k in range(N):
+        du = vector(d_u, k)
+        store(scaled(vector(d_low, k), du), second_low, k)
+        store(negative(scaled(vector(d_high, k), du)), second_high, k)
+        for q in range(r):
+            second_force[k, q] = d_force[k, q] * d_slack[k, q]
+
+
+@compiled
+def advance(x: Point, alpha: float, d: Point) -> None:
+    """X + alpha d, in place."""
+    N, r = x.force.shape
+    at_u, low, high, force, slack = x
+    d_u, d_low, d_high, d_force, d_slack = d
+    for k in range(N):
+        store(less(vector(at_u, k), -alpha, vector(d_u, k)), at_u, k)
+        store(less(vector(low, k), -alpha, vector(d_low, k)), low, k)
+        store(less(vector(high, k), -alpha, vector(d_high, k)), high, k)
+        for q in range(r):
+            force[k, q] += alpha * d_force[k, q]
+            slack[k, q] += alpha * d_slack[k, q]
 
 
 @compiled
@@ -178,28 +211,36 @@ def identify(p: Problem, x: Point, guess: Guess) -> None:
 def linearise(p: Problem, x: Point, w: Array, gradient: Array, newton: Newton) -> tuple[float, float, float]:
     """Newton system at x; returns mean complementarity product, stationarity and feasibility residual."""
     N, r = p.limits.shape
-    mu = stationarity = feasibility = 0.0
+    rows, limits, weight, linear, softness = p.rows, p.limits, p.weight, p.linear, 1.0 / p.penalty
+    at_lower, at_upper, at_u = p.lower, p.upper, x.u
+    low, high, force, slack = x.lower, x.upper, x.force, x.slack
+    R, Omega, a, residual = newton.R, newton.Omega, newton.a, newton.residual
+    per_below, per_above, per_row = newton.per_below, newton.per_above, newton.per_row
+    R0 = (p.R[0], p.R[1], p.R[2], p.R[3])
+    products = worst = (0.0, 0.0, 0.0, 0.0)
+    mu = feasibility = 0.0
     for k in range(N):
+        u, lam_low, lam_high = vector(at_u, k), vector(low, k), vector(high, k)
+        g = plus(minus(vector(gradient, k), lam_low), lam_high)
         for q in range(r):
-            residual = p.limits[k, q] + x.force[k, q] / p.penalty - x.slack[k, q]
-            for i in range(4):
-                residual -= p.rows[k, q, i] * x.u[k, i]
-            newton.residual[k, q] = residual
-            newton.per_row[k, q] = 1.0 / (x.slack[k, q] + x.force[k, q] / p.penalty)
-            newton.Omega[k, q] = x.force[k, q] * newton.per_row[k, q]
-            feasibility = max(feasibility, abs(residual))
-            mu += x.force[k, q] * x.slack[k, q]
-        for i in range(4):
-            below, above = x.u[k, i] - p.lower[k, i], p.upper[k, i] - x.u[k, i]
-            mu += x.lower[k, i] * below + x.upper[k, i] * above
-            newton.per_below[k, i], newton.per_above[k, i] = 1.0 / below, 1.0 / above
-            newton.R[k, i] = p.R[i] + x.lower[k, i] * newton.per_below[k, i] + x.upper[k, i] * newton.per_above[k, i]
-            newton.a[k, i] = p.weight[k, i] * w[k, i] + p.linear[k, i]
-            g = gradient[k, i] - x.lower[k, i] + x.upper[k, i]
-            for q in range(r):
-                g += p.rows[k, q, i] * x.force[k, q]
-            stationarity = max(stationarity, abs(g))
-    return mu / (N * (8 + r)), stationarity, feasibility
+            e, lam, t = row(rows, k, q), force[k, q], slack[k, q]
+            off = limits[k, q] + lam * softness - t - dot(e, u)
+            residual[k, q] = off
+            per_row[k, q] = 1.0 / (t + lam * softness)
+            Omega[k, q] = lam * per_row[k, q]
+            feasibility = max(feasibility, abs(off))
+            mu += lam * t
+            g = less(g, -lam, e)
+        below, above = minus(u, vector(at_lower, k)), minus(vector(at_upper, k), u)
+        products = plus(products, plus(scaled(lam_low, below), scaled(lam_high, above)))
+        to_below, to_above = reciprocal(below), reciprocal(above)
+        store(to_below, per_below, k)
+        store(to_above, per_above, k)
+        store(plus(R0, plus(scaled(lam_low, to_below), scaled(lam_high, to_above))), R, k)
+        store(plus(scaled(vector(weight, k), vector(w, k)), vector(linear, k)), a, k)
+        worst = larger(worst, magnitude(g))
+    mu += total(products)
+    return mu / (N * (8 + r)), largest(worst), feasibility
 
 
 @compiled
@@ -208,60 +249,75 @@ def direction(
 ) -> None:
     """Newton direction towards complementarity products mu, less the second-order terms; factorises if fresh."""
     N, r = p.limits.shape
+    rows, softness = p.rows, 1.0 / p.penalty
+    at_u, low, high, force, slack = x
+    d_u, d_low, d_high, d_force, d_slack = d
+    second_low, second_high, second_force = second.lower, second.upper, second.force
+    Omega, residual = newton.Omega, newton.residual
+    per_below, per_above, per_row = newton.per_below, newton.per_above, newton.per_row
+    R0, target = (p.R[0], p.R[1], p.R[2], p.R[3]), (mu, mu, mu, mu)
     b, dw = np.empty((N, 4)), np.empty((N, 4))
     for k in range(N):
-        for i in range(4):
-            push = (mu - second.upper[k, i]) * newton.per_above[k, i]
-            push -= (mu - second.lower[k, i]) * newton.per_below[k, i]
-            b[k, i] = p.R[i] * x.u[k, i] + push
+        push = minus(
+            scaled(minus(target, vector(second_high, k)), vector(per_above, k)),
+            scaled(minus(target, vector(second_low, k)), vector(per_below, k)),
+        )
+        g = plus(scaled(R0, vector(at_u, k)), push)
         for q in range(r):
-            product = mu - second.force[k, q] - x.force[k, q] * (x.slack[k, q] + newton.residual[k, q])
-            d.force[k, q] = product * newton.per_row[k, q]
-            for i in range(4):
-                b[k, i] += p.rows[k, q, i] * (x.force[k, q] + d.force[k, q])
+            lam = force[k, q]
+            change = (mu - second_force[k, q] - lam * (slack[k, q] + residual[k, q])) * per_row[k, q]
+            d_force[k, q] = change
+            g = less(g, -(lam + change), row(rows, k, q))
+        store(g, b, k)
     if fresh:
-        newton_step(p, free, x.u, newton.R, newton.Omega, newton.a, b, newton.factors, d.u, dw)
+        newton_step(p, free, at_u, newton.R, Omega, newton.a, b, newton.factors, d_u, dw)
     else:
-        step(p, free, x.u, newton.Omega, newton.a, b, newton.factors, d.u, dw)
-    softness = 1.0 / p.penalty
+        step(p, free, at_u, Omega, newton.a, b, newton.factors, d_u, dw)
     for k in range(N):
-        for i in range(4):
-            du, low, up = d.u[k, i], x.lower[k, i], x.upper[k, i]
-            d.lower[k, i] = (mu - second.lower[k, i] - low * du) * newton.per_below[k, i] - low
-            d.upper[k, i] = (mu - second.upper[k, i] + up * du) * newton.per_above[k, i] - up
+        du, lam_low, lam_high = vector(d_u, k), vector(low, k), vector(high, k)
+        towards_low = minus(minus(target, vector(second_low, k)), scaled(lam_low, du))
+        towards_high = plus(minus(target, vector(second_high, k)), scaled(lam_high, du))
+        store(minus(scaled(towards_low, vector(per_below, k)), lam_low), d_low, k)
+        store(minus(scaled(towards_high, vector(per_above, k)), lam_high), d_high, k)
         for q in range(r):
-            change = 0.0
-            for i in range(4):
-                change += p.rows[k, q, i] * d.u[k, i]
-            d.force[k, q] += newton.Omega[k, q] * change
-            d.slack[k, q] = newton.residual[k, q] - change + d.force[k, q] * softness
+            change = dot(row(rows, k, q), du)
+            d_force[k, q] += Omega[k, q] * change
+            d_slack[k, q] = residual[k, q] - change + d_force[k, q] * softness
 
 
 @compiled
 def longest(x: Point, newton: Newton, d: Point) -> float:
     """Longest step, at most 1, that keeps every bounded quantity from crossing zero."""
     N, r = newton.residual.shape
-    blocked = 1.0  # reciprocal of the step
+    _, low, high, force, slack = x
+    d_u, d_low, d_high, d_force, d_slack = d
+    per_below, per_above = newton.per_below, newton.per_above
+    blocked, blocked_row = (1.0, 1.0, 1.0, 1.0), 1.0  # reciprocals of the step
     for k in range(N):
-        for i in range(4):
-            du = d.u[k, i]
-            blocked = max(blocked, du * newton.per_above[k, i], -du * newton.per_below[k, i])
-            blocked = max(blocked, -d.lower[k, i] / x.lower[k, i], -d.upper[k, i] / x.upper[k, i])
+        du = vector(d_u, k)
+        blocked = larger(blocked, scaled(du, vector(per_above, k)))
+        blocked = larger(blocked, negative(scaled(du, vector(per_below, k))))
+        blocked = larger(blocked, negative(scaled(vector(d_low, k), reciprocal(vector(low, k)))))
+        blocked = larger(blocked, negative(scaled(vector(d_high, k), reciprocal(vector(high, k)))))
         for q in range(r):
-            blocked = max(blocked, -d.force[k, q] / x.force[k, q], -d.slack[k, q] / x.slack[k, q])
-    return 1.0 / blocked
+            blocked_row = max(blocked_row, -d_force[k, q] / force[k, q], -d_slack[k, q] / slack[k, q])
+    return 1.0 / max(largest(blocked), blocked_row)
 
 
 @compiled
 def complementarity(p: Problem, x: Point, d: Point, alpha: float) -> float:
     """Mean complementarity product after a step."""
     N, r = p.limits.shape
-    total = 0.0
+    at_u, low, high, force, slack = x
+    d_u, d_low, d_high, d_force, d_slack = d
+    at_lower, at_upper = p.lower, p.upper
+    products, mu = (0.0, 0.0, 0.0, 0.0), 0.0
     for k in range(N):
-        for i in range(4):
-            u = x.u[k, i] + alpha * d.u[k, i]
-            total += (x.lower[k, i] + alpha * d.lower[k, i]) * (u - p.lower[k, i])
-            total += (x.upper[k, i] + alpha * d.upper[k, i]) * (p.upper[k, i] - u)
+        u = less(vector(at_u, k), -alpha, vector(d_u, k))
+        lam_low = less(vector(low, k), -alpha, vector(d_low, k))
+        lam_high = less(vector(high, k), -alpha, vector(d_high, k))
+        below, above = minus(u, vector(at_lower, k)), minus(vector(at_upper, k), u)
+        products = plus(products, plus(scaled(lam_low, below), scaled(lam_high, above)))
         for q in range(r):
-            total += (x.force[k, q] + alpha * d.force[k, q]) * (x.slack[k, q] + alpha * d.slack[k, q])
-    return total / (N * (8 + r))
+            mu += (force[k, q] + alpha * d_force[k, q]) * (slack[k, q] + alpha * d_slack[k, q])
+    return (mu + total(products)) / (N * (8 + r))

@@ -29,14 +29,15 @@ from controller.fours import (
     plus_diagonal,
     plus_outer,
     product,
+    row,
     rows_scaled,
-    symmetric_product,
     scaled,
     solve_lower,
     solve_lower_rows,
     solve_upper,
     store,
     store_matrix,
+    symmetric_product,
     times,
     transposed,
     vector,
@@ -122,7 +123,7 @@ def newton_step(
         F = plus_diagonal(product(A, M), vector(R, k))
         for q in range(r):
             if Omega[k, q] != 0.0:
-                F = plus_outer(F, Omega[k, q], _row(rows, k, q))
+                F = plus_outer(F, Omega[k, q], row(rows, k, q))
         free = _free(fixed, k)
         Y = A
         if _any_fixed(free):
@@ -178,12 +179,6 @@ def _free(fixed, k) -> Vector4:  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _row(rows, k, q) -> Vector4:  # type: ignore[no-untyped-def]
-    """Contact-force row q of a stage."""
-    return (rows[k, q, 0], rows[k, q, 1], rows[k, q, 2], rows[k, q, 3])
-
-
-@inlined
 def _lower(L, k):  # type: ignore[no-untyped-def]
     """L of a stage, as `fours.ldl` gives it."""
     return (L[k, 0], L[k, 1], L[k, 2], L[k, 3], L[k, 4], L[k, 5])
@@ -191,7 +186,7 @@ def _lower(L, k):  # type: ignore[no-untyped-def]
 
 @inlined
 def _any_fixed(free: Vector4) -> bool:
-    return free[0] + free[1] + free[2] + free[3] < 4.0  # type: ignore[no-any-return]
+    return free[0] + free[1] + free[2] + free[3] < 4.0
 
 
 @inlined
@@ -214,7 +209,7 @@ def _backward(rows, k, c, M, A, Z, L, d, free, given, Omega, a, b):  # type: ign
         u = minus(g0, scaled(free, g0))
         c = plus(c, combined(u, A))
         for q in range(Omega.shape[1]):
-            e = _row(rows, k, q)
+            e = row(rows, k, q)
             force = Omega[k, q] * dot(e, u)
             g = plus(g, (force * e[0], force * e[1], force * e[2], force * e[3]))
     g = plus(g, combined(c, M))
