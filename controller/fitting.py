@@ -9,9 +9,9 @@ walker that was pushed forward follow a slower gait, which brakes.
 Source: X. Da, O. Harib, R. Hartley, B. Griffin, J. W. Grizzle, From 2D design of underactuated bipedal gaits to 3D
 implementation: walking with speed tracking, IEEE Access 4, 2016, there with the mean speed of the last step.
 
-Tried on the walks of the plan `tuning` and left out: to follow the walker (zd-pd then fell at 20 N), a step length that
-grows or shrinks with the speed (it lost 5 to 10 N), faster gaits for a walker that was slowed (they have more of a
-hill to climb in mid-step, where a slow walker turns back), and following the walker within the step.
+Tried on pushes through the fourth step and left out: to follow the walker (it holds no more and comes back later), a
+step length that grows with the speed (loses 5 N) or shrinks with it (gains nothing), faster gaits for a walker that was
+slowed (they have more of a hill to climb in mid-step, where a slow walker turns back), and following it within the step.
 
 A switch leaves the walker off the new gait's outputs by no more than its limit allows, and the inner controller removes
 that within the step, as it does after a push. Predictions follow the gait that is followed now, through every impact
