@@ -11,7 +11,7 @@ implementation: walking with speed tracking, IEEE Access 4, 2016, there with the
 
 Tried on pushes through the fourth step and left out: to follow the walker (it holds no more and comes back later), a
 step length that grows with the speed (loses 5 N) or shrinks with it (gains nothing), faster gaits for a walker that was
-slowed (they have more of a hill to climb in mid-step, where a slow walker turns back), and following it within the step.
+slowed (they have more of a hill to climb in mid-step, where a slow one turns back), and to follow it within the step.
 
 A switch leaves the walker off the new gait's outputs by no more than its limit allows, and the inner controller removes
 that within the step, as it does after a push. Predictions follow the gait that is followed now, through every impact
