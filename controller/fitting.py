@@ -9,7 +9,7 @@ walker that was pushed forward follow a slower gait, which brakes.
 Source: X. Da, O. Harib, R. Hartley, B. Griffin, J. W. Grizzle, From 2D design of underactuated bipedal gaits to 3D
 implementation: walking with speed tracking, IEEE Access 4, 2016, there with the mean speed of the last step.
 
-Tried on pushes through the fourth step and left out: to follow the walker (it holds no more and comes back later), a
+Tried on pushes through the fourth step and left out: to follow the walker (comes back later, holds no more forward), a
 step length that grows with the speed (loses 5 N) or shrinks with it (gains nothing), faster gaits for a walker that was
 slowed (they have more of a hill to climb in mid-step, where a slow one turns back), and to follow it within the step.
 
