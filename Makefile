@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test tools check bench clean help
+.PHONY: run test tools check bench trials-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -31,12 +31,15 @@ check: $(STAMP)  ## lint, format, types and import contracts
 bench: $(STAMP)  ## measure ticks, solves and runs against their targets, or ARGS="--quick"
 	@$(BIN)/cmpc bench $(ARGS)
 
+trials-proof: $(STAMP)  ## the long proofs about campaigns: kills, a cluster, 10,000 trials, full disks
+	@$(BIN)/python -m pytest -m campaign -rA --durations=0 tests/test_trials_campaign.py $(ARGS)
+
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find controller sim models tests -name __pycache__ -prune -exec rm -rf {} +
 
 help:  ## show this
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|'
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(BIN)/python -c '' 2>/dev/null || { \

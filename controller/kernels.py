@@ -503,7 +503,7 @@ def rollout(
     return theta0, dtheta0
 
 
-def on_disk() -> bool:
-    """Whether compiled kernels lie in the cache beside the source (or where NUMBA_CACHE_DIR says)."""
+def on_disk(kernel: str) -> bool:
+    """Whether a compiled kernel lies in the cache beside the source (or where NUMBA_CACHE_DIR says)."""
     folder = rollout.stats.cache_path
-    return folder is not None and any(Path(folder).glob(f"{Path(__file__).stem}.rollout-*.nbc"))
+    return folder is not None and any(Path(folder).glob(f"{Path(__file__).stem}.{kernel}-*.nbc"))

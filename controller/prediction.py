@@ -13,6 +13,15 @@ from controller.records import StanceState, Vector
 ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers
 
 
+@kernels.compiled
+def _within(a, bound):  # type: ignore[no-untyped-def]
+    """Whether every magnitude is below a bound, which NaN is not."""
+    for value in a:
+        if not abs(value) < bound:
+            return False
+    return True
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Horizon:
     """What the closed loop does over N stages if the MPC stays silent, each stage in its own stance order.
@@ -47,7 +56,7 @@ class Horizon:
     @property
     def is_finite(self) -> bool:
         """Whether the prediction stayed finite and within reason; that of a fallen walker need not."""
-        return bool(np.isfinite(self.x[-1]).all() and np.abs(self.force).max() < ABSURD)
+        return bool(_within(self.x[-1], np.inf) and _within(self.force.ravel(), ABSURD))
 
     def outputs_under(self, u: Vector) -> Vector:
         """Outputs y_k + T/2 w_k under MPC torques, Eq. (15), in [rad], (N + 1, 4).

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 STANCE_HIP, SWING_HIP, STANCE_KNEE, SWING_KNEE, TORSO = range(5)
+ROLES = ("stance hip", "swing hip", "stance knee", "swing knee")
+"""Of the joints, in that order."""
+
 ACTUATED = slice(0, 4)
 """The four actuated coordinates of q; they are also the controlled quantities h_0(q) of Eq. (5)."""
 
@@ -103,7 +106,7 @@ class ControlStep:
 
     Attributes:
         stance: Leg the controller believes to stand, "left" or "right".
-        u_zd: ZD+PD share of the torque in [N.m], (4,), not saturated.
+        u_zd: ZD+PD share of the torque in [N.m], (4,), not saturated; the feed-forward of a law without ZD+PD inside.
         u_mpc: MPC share in [N.m], (4,).
         u_total: Commanded torque, Eq. (23), in [N.m], (4,).
         y: Outputs, Eq. (5), in [rad], (4,).
@@ -113,8 +116,8 @@ class ControlStep:
         s: Normalised clock, 0 to 1 over a nominal step.
         contact_force: Stance force expected under `u_total`, (tangential, normal) in [N], (2,).
         impact_in: Ticks to the first predicted impact, -1 if none within the horizon.
-        status: "zd-pd", "optimal", "suboptimal" for a plan that could be better, or why the tick fell back to
-            saturated ZD+PD.
+        status: "zd-pd", "optimal", "suboptimal" for a plan that could be better, "relaxed" where the limits left no
+            way to what a law guarantees, or why the tick fell back to saturated ZD+PD.
         fallback: Whether it did.
         iterations: Solver iterations.
         residuals: Feasibility, stationarity and complementarity residuals of the solved problem, (3,).

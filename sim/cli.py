@@ -15,6 +15,7 @@ COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
     "gait": "Design gaits, check them, polish printed ones, fill the library.",
     "gains": "Search the gains of ZD+PD by the Poincare map's eigenvalues.",
+    "weights": "Search the weights and the horizon of C-MPC on a robustness score.",
     "walker": "Start a folder for a walker of one's own from its URDF, and check it end to end.",
     "log": "Look at logs: info, check, recover, export, compare.",
     "replay": "Run a log again from itself, as it was or with a change.",

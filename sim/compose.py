@@ -1,46 +1,36 @@
-"""The composition root: the one module of `sim/` that knows both worlds and puts a run together."""
+"""The composition root: `sim/compose*.py` alone know both worlds; here a run is put together."""
 
 import contextlib
-import functools
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controller import kernels
-from controller.cascade import CascadedMpc, Friction, Weights
+from controller.cascade import CascadedMpc
 from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
-from controller.errors import ControllerInputError
-from controller.gait import Gait, load_gait
-from controller.model import WalkerModel
-from controller.qp import ROWS, Solver
+from controller.qp import Solver
 from controller.solvers import make_solver
-from controller.zero_dynamics import ZeroDynamicsController
 from sim import provenance
 from sim.actuation import Actuation
-from sim.errors import UserError
+from sim.compose_controllers import Belief, build_controller, known_belief, load_belief
 from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
+from sim.judge import FallCriteria
 from sim.kinematics import LEGS
-from sim.loop import Loop, NoTape, Progress, Stop, Tape
+from sim.loop import Loop, NoTape, Progress, Stop, Tape, Tapes
 from sim.models import LIBRARY, ModelFiles, library_json
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
 from sim.rig import Rig
 from sim.rigid import RigidPlant
-from sim.scenario import ActuationSettings, ControllerSettings, Scenario, SensorSettings, to_toml
+from sim.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
 from sim.sensors import Sensors
 from sim.terrain import Terrain
 from sim.viewer import check_display, viewer
-
-if TYPE_CHECKING:
-    from controller.family import GaitFamily
-    from controller.fitting import Follower
 
 __all__ = [
     "Belief",
@@ -50,6 +40,7 @@ __all__ = [
     "build_rig",
     "compare_solvers",
     "exact_clarabel",
+    "known_belief",
     "load_belief",
     "make_solver",
     "run_scenario",
@@ -64,135 +55,6 @@ LONGEST_STEP = 0.6  # [m] a step may take on rough ground; the gait's are 0.4 m
 
 Announce = Callable[[str], None]
 """Takes one line for the user."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Belief:
-    """What the controller knows about the walker.
-
-    Attributes:
-        model: Analytic model.
-        gait: The gait to follow.
-        library: Folder of the gait library.
-    """
-
-    model: WalkerModel
-    gait: Gait
-    library: Path
-
-
-@contextlib.contextmanager
-def _as_user_errors() -> Iterator[None]:
-    try:
-        yield
-    except ControllerInputError as error:
-        raise UserError(str(error)) from error
-
-
-def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
-    """The controller's model and gait.
-
-    Args:
-        scenario: What happens.
-        files: Model files to use instead of those the scenario names.
-
-    Raises:
-        UserError: a file is missing, unreadable or not legal.
-    """
-    files = files or ModelFiles.of(scenario)
-    with _as_user_errors():
-        model = WalkerModel(files.urdf)
-        return Belief(model=model, gait=load_gait(files.gait, model), library=files.library)
-
-
-@functools.lru_cache(maxsize=4)
-def known_belief(walker: str, gait: str) -> Belief:
-    """The controller's model and gait, read once a process: a campaign runs thousands of scenarios."""
-    return load_belief(Scenario(walker=walker, gait=gait))
-
-
-def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
-    """The controller a scenario asks for.
-
-    Args:
-        settings: Its settings.
-        belief: What it knows about the walker.
-        solver: Used instead of the one the settings name.
-
-    Raises:
-        UserError: unknown solver, or no gait library where gaits are fitted.
-    """
-    law = _law(settings, belief, solver)
-    fitting = settings.gait_fitting
-    if not fitting.enabled:
-        return law
-    from controller.fitting import FittingRule, GaitFitting
-
-    rule = FittingRule(
-        share=fitting.share,
-        slower=fitting.slower,
-        faster=fitting.faster,
-        hysteresis=fitting.hysteresis,
-        most=fitting.most,
-    )
-    with _as_user_errors():
-        return GaitFitting(law, belief.model, _family(belief), rule)
-
-
-@functools.lru_cache(maxsize=4)
-def _family(belief: Belief) -> "GaitFamily":
-    from controller.family import GaitFamily
-    from controller.library import GaitLibrary  # only where gaits are fitted
-
-    return GaitFamily.around(belief.gait, GaitLibrary.load(belief.library, belief.model))
-
-
-def _law(settings: ControllerSettings, belief: Belief, solver: Solver | None) -> "Follower":
-    gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
-    if settings.kind == "zd-pd":
-        return ZeroDynamicsController(belief.model, belief.gait, gains)
-    if settings.kind == "c-mpc-ltv":
-        return _ltv_cascade(settings, belief, gains)
-    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min)
-    with _as_user_errors():
-        return CascadedMpc(
-            belief.model,
-            belief.gait,
-            gains,
-            N=settings.horizon,
-            T=settings.period,
-            weights=Weights.of_paper(gains, settings.period),
-            friction=friction if settings.friction_rows else None,
-            solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
-        )
-
-
-def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> "Follower":
-    from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
-
-    ltv = settings.ltv
-    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=ltv.force_penalty)
-    return LtvCascade(
-        belief.model,
-        belief.gait,
-        gains,
-        period=settings.period,
-        stages=ltv.stages,
-        stage_time=ltv.stage_time,
-        substeps=ltv.substeps,
-        weights=LtvWeights(
-            output=ltv.output,
-            output_calm=ltv.output_calm,
-            calm=ltv.calm,
-            output_rate=ltv.output_rate,
-            clock_rate=ltv.clock_rate,
-            torque=ltv.torque,
-            last=ltv.last,
-            torque_penalty=ltv.torque_penalty,
-        ),
-        friction=friction if settings.friction_rows else None,
-        slope_memory=ltv.slope_memory,
-    )
 
 
 def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:
@@ -233,9 +95,14 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
         q in [rad] and dq in [rad/s], (5,) each; the left leg stands.
     """
     q, dq = belief.gait.post_impact(belief.model)
-    q, dq = q + np.array(scenario.start.q_offset), dq + np.array(scenario.start.dq_offset)
+    q, dq = q + np.array(scenario.start.q_change), dq + np.array(scenario.start.dq_offset)
     q[-1] += scenario.start.torso_offset
     return q, dq
+
+
+def _criteria(plant: MujocoPlant | RigidPlant, scenario: Scenario) -> FallCriteria:
+    """When a run counts as a fall: by the size of the walker, whatever errors its plant is given."""
+    return FallCriteria.of_leg(plant.legs.nominal_length(scenario.plant.length_factor))
 
 
 def build_rig(scenario: Scenario) -> Rig:
@@ -258,6 +125,7 @@ def build_rig(scenario: Scenario) -> Rig:
         dq_start=dq,
         x_gait=np.concatenate((belief.gait.q_minus, belief.gait.dq_minus)),
         surface=Surface(plant.legs, scenario.plant.ground.slope),
+        criteria=_criteria(plant, scenario),
     )
 
 
@@ -269,7 +137,7 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
         observation: Anything legal.
         announce: Told a line for the user where compiling will take long.
     """
-    if announce and not kernels.on_disk():
+    if announce and not kernels.on_disk("rollout" if isinstance(controller, CascadedMpc) else "outputs"):
         announce("compiling kernels, once, about 20 s")
     controller.step(observation)
 
@@ -298,7 +166,7 @@ def run_scenario(
         view: Whether to show it in MuJoCo's window, no faster than real time.
         announce: Told a line for the user before something long.
         solver: Used instead of the one the scenario names.
-        tape: Takes ticks and events where no log is written.
+        tape: Takes ticks and events, beside the log if one is written.
         belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
@@ -330,12 +198,13 @@ def run_scenario(
                 tape=tape,
                 torque_limits=plant.torque_limits,
                 period=scenario.controller.period,
+                criteria=_criteria(plant, scenario),
             ).run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
         return loop(tape or NoTape())
     with Recorder(log, _header(scenario, belief, plant, files), scenario.controller.period) as recorder:
-        summary = loop(recorder)
+        summary = loop(Tapes(recorder, tape) if tape else recorder)
         recorder.result(summary)
     return summary
 

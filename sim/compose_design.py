@@ -13,25 +13,32 @@ from typing import Any
 from controller import library
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
+from controller.design.compare import Comparison, compare
 from controller.design.optimise import COST_UNIT, Design, design
 from controller.design.orbit import periodic_orbit
 from controller.design.plot import plot
+from controller.design.plot_compare import plot_comparison
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.errors import ControllerInputError
 from controller.gait import Gait, load_gait
 from controller.model import WalkerModel
+from controller.records import ROLES
 from sim.errors import UserError
 from sim.walkers import WalkerFolder
 
 __all__ = [
     "COST_UNIT",
+    "ROLES",
     "Report",
     "belief",
+    "beliefs",
     "check_gait",
+    "compare_gaits",
     "design_gait",
     "library_gaits",
     "plot_gait",
+    "plot_gaits",
     "polish_gait",
 ]
 
@@ -82,6 +89,27 @@ def belief(gait: str, walker: str | None) -> Belief:
         return Belief(model=model, gait=load_gait(path, model), path=path)
 
 
+def beliefs(gaits: Sequence[str], walker: str | None) -> list[Belief]:
+    """Read gaits of one walker: the one given, or that of the first gait.
+
+    Raises:
+        UserError: a file is missing or not legal, or a gait is for another walker.
+    """
+    first = belief(gaits[0], walker)
+    return [first, *(belief(gait, walker or str(first.model.path.parent)) for gait in gaits[1:])]
+
+
+def compare_gaits(first: Belief, second: Belief) -> Comparison:
+    """Two gaits of one walker side by side."""
+    return compare(first.model, first.gait, second.gait)
+
+
+def plot_gaits(path: Path, model: WalkerModel, found: Comparison) -> None:
+    """Write a picture of two gaits."""
+    with as_user_errors():
+        plot_comparison(path, model, found)
+
+
 def check_gait(found: Belief, changes: Mapping[str, Any]) -> Report:
     """Check a gait against the default requirements, some of them changed."""
     with as_user_errors():
@@ -94,11 +122,12 @@ def plot_gait(path: Path, found: Belief) -> None:
         plot(path, found.model, found.gait, periodic_orbit(found.model, found.gait))
 
 
-def polish_gait(found: Belief, out: Path) -> Belief:
-    """Write the exactly periodic gait nearest to a gait; returns it."""
+def polish_gait(found: Belief, out: Path, *, force: bool) -> Belief:
+    """Write the exactly periodic gait nearest to a gait, over a file that is there if forced; returns it."""
+    remark = f"The exactly periodic gait nearest to {found.gait.name}. Made by: cmpc gait polish {found.path.name}"
+    check_new_file(out, remark, force=force)
     gait = polish(found.model, found.gait)
     orbit = periodic_orbit(found.model, gait)
-    remark = f"The exactly periodic gait nearest to {found.gait.name}. Made by: cmpc gait polish {found.path.name}"
     with as_user_errors():
         gait_file.write(out, gait_file.to_toml(found.model, gait, orbit, (remark,)))
         return Belief(model=found.model, gait=load_gait(out, found.model), path=out)
@@ -114,6 +143,7 @@ def design_gait(
     starts: int,
     name: str | None,
     out: Path | None,
+    force: bool,
     say: Say,
 ) -> tuple[Belief, Design]:
     """Design a gait and write it.
@@ -127,6 +157,7 @@ def design_gait(
         starts: How many starts must succeed.
         name: Of the gait; the file's stem if not given.
         out: File to write; in the walker's gaits/ if not given.
+        force: Whether to write over a file that is there.
         say: Told what happens.
 
     Raises:
@@ -138,7 +169,8 @@ def design_gait(
         need = Requirements(**request)
         start = load_gait(folder.gait(warm), model) if warm else None
         out = out or folder.gaits / library.file_name(need.step_length, need.speed)
-        check_folder(out)
+        remark = _remark(folder, need, degree, cost, starts)
+        check_new_file(out, None if warm else remark, force=force)
         found = design(
             model,
             need,
@@ -149,9 +181,7 @@ def design_gait(
             say=say,
             name=name or out.stem,
         )
-        gait_file.write(
-            out, gait_file.to_toml(model, found.gait, found.orbit, (_remark(folder, need, degree, cost, starts),))
-        )
+        gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (remark,)))
         return Belief(model=model, gait=load_gait(out, model), path=out), found
 
 
@@ -210,6 +240,7 @@ def _library_job(job: tuple[str, dict[str, Any], int, int]) -> str:
         starts=starts,
         name=None,
         out=None,
+        force=True,
         say=lambda line: None,
     )
     return f"{found.path.name}: cost {made.orbit.cost:.0f} {COST_UNIT['torque']}, delta^2 {made.orbit.delta**2:.3f}"
@@ -228,6 +259,24 @@ def _remark(folder: WalkerFolder, need: Requirements, degree: int, cost: str, st
     return f"Made by: cmpc gait design {' '.join(words)}"
 
 
-def check_folder(out: Path) -> None:
+def check_new_file(out: Path, remark: str | None, *, force: bool) -> None:
+    """Refuse, before any work is done for it, to write where there is no folder, or over a file of another making.
+
+    Args:
+        out: The file.
+        remark: First comment of the file to come, which says what makes it; one that begins with the same is the
+            same gait and is made again. None where that does not tell all.
+        force: Whether to write over any file.
+
+    Raises:
+        UserError: refused.
+    """
+    if out.exists() and not force:
+        try:
+            first = out.read_text(encoding="utf-8").partition("\n")[0]
+        except (OSError, UnicodeDecodeError):
+            first = ""
+        if remark is None or first != f"# {remark}":
+            raise UserError(f"{out}: another file is there; choose another --out, or write over it with --force")
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")

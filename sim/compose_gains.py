@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,11 @@ import numpy as np
 from controller.design import gains as gain_search
 from controller.design import gait_file
 from controller.kernels import Gains
-from sim.compose_design import as_user_errors, belief, check_folder
-from sim.errors import UserError
+from sim import search
+from sim.compose_design import as_user_errors, belief
 from sim.walkers import WalkerFolder
 
-Say = Callable[[str], None]
-
-PAPER = ((60.0, 90.0, 90.0, 50.0), (10.0, 20.0, 20.0, 10.0))
+PAPER = (60.0, 90.0, 90.0, 50.0, 10.0, 20.0, 20.0, 10.0)
 """K_P [1/s^2] and K_D [1/s] of the paper, to compare with."""
 
 
@@ -31,7 +29,7 @@ def search_gains(
     evaluations: int,
     seed: int,
     out: Path,
-    say: Say,
+    say: search.Say,
 ) -> dict[str, Any]:
     """Search gains, write the best as a scenario with its evidence, and each evaluation beside it.
 
@@ -52,78 +50,40 @@ def search_gains(
     Raises:
         UserError: a file is not legal, or the optimiser is not installed.
     """
-    check_folder(out)
+    record = search.check_out(out)
     known_belief = belief(gait, walker)
-    model, record = known_belief.model, out.with_suffix(".jsonl")
-    head = {"fingerprint": model.fingerprint, "gait": known_belief.gait.name, "period": period, "seed": seed}
-    head |= {"kp": list(kp), "kd": list(kd)}
-    known = _resume(record, head)
-    best = min((value for _, value in known), default=float("inf"))
-    if known:
-        say(f"{record}: goes on after {len(known)} evaluations")
-    count = len(known)
-    with open(record, "a", encoding="utf-8") as file:
+    model = known_belief.model
 
-        def keep(evaluation: gain_search.Evaluation) -> None:
-            nonlocal best, count
-            gains, value = evaluation
-            count += 1
-            file.write(json.dumps({"gains": gains, "value": value}) + "\n")
-            file.flush()
-            if value < best:
-                best = value
-                say(f"evaluation {count}: score {value:.5f}")
-
+    def score(gains: Sequence[float]) -> gain_search.Score:
         with as_user_errors():
-            found, _ = gain_search.search(
-                lambda gains: gain_search.score(model, known_belief.gait, gains, period).value,
-                Gains(kp=_array(kp), kd=_array(kd)),
-                seed=seed,
-                evaluations=evaluations,
-                known=known,
-                keep=keep,
-            )
-    result: dict[str, Any] = {"evaluations": max(count, len(known)), "seed": seed}
-    for name, (some_kp, some_kd) in (("start", (kp, kd)), ("paper", PAPER), ("found", (found[:4], found[4:]))):
-        score = gain_search.score(model, known_belief.gait, Gains(kp=_array(some_kp), kd=_array(some_kd)), period)
+            return gain_search.score(model, known_belief.gait, _gains(gains), period)
+
+    found, count = search.recorded(
+        lambda point: score(point).value,
+        search.Space(
+            start=(*kp, *kd), low=tuple(gain_search.LOWEST.tolist()), high=tuple(gain_search.HIGHEST.tolist())
+        ),
+        record,
+        {"fingerprint": model.fingerprint, "gait": known_belief.gait.name, "period": period},
+        seed=seed,
+        evaluations=evaluations,
+        measure="score",
+        say=say,
+    )
+    result: dict[str, Any] = {"evaluations": count, "seed": seed}
+    for name, gains in (("start", (*kp, *kd)), ("paper", PAPER), ("found", found.point)):
+        its = score(gains)
         result[name] = {
-            "kp": list(some_kp),
-            "kd": list(some_kd),
-            "score": score.value,
-            "largest": score.largest,
-            "eigenvalues": list(score.eigenvalues),
-            "torque_excess": score.torque_excess,
+            "kp": list(gains[:4]),
+            "kd": list(gains[4:]),
+            "score": its.value,
+            "largest": its.largest,
+            "eigenvalues": list(its.eigenvalues),
+            "torque_excess": its.torque_excess,
         }
     with as_user_errors():
         gait_file.write(out, _scenario(WalkerFolder.find(walker), known_belief.path, result, period))
     return result
-
-
-def _resume(record: Path, head: dict[str, Any]) -> list[gain_search.Evaluation]:
-    """Evaluations of an interrupted search; writes the head of a new one."""
-    try:
-        if not record.exists():
-            record.write_text(json.dumps(head) + "\n", encoding="utf-8")
-            return []
-        first, *lines = record.read_text(encoding="utf-8").splitlines()
-        if json.loads(first) != head:
-            raise UserError(f"{record}: is of another search ({first}); choose another --out or remove it")
-        rows = []
-        for line in lines:
-            try:
-                row = json.loads(line)
-            except json.JSONDecodeError:
-                break  # the search was stopped while it wrote this line
-            rows.append((tuple(row["gains"]), float(row["value"])))
-        whole = "\n".join([first, *lines[: len(rows)]]) + "\n"
-        record.write_text(whole, encoding="utf-8")
-        return rows
-    except UserError:
-        raise
-    except OSError as error:
-        raise UserError(f"{record}: cannot be read or written: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{record}: is not the record of a gain search; choose another --out") from error
 
 
 def _scenario(folder: WalkerFolder, gait: Path, result: Mapping[str, Any], period: float) -> str:
@@ -154,5 +114,5 @@ def _scenario(folder: WalkerFolder, gait: Path, result: Mapping[str, Any], perio
     )
 
 
-def _array(values: Sequence[float]) -> Any:
-    return np.array(values, dtype=float)
+def _gains(numbers: Sequence[float]) -> Gains:
+    return Gains(kp=np.array(numbers[:4], dtype=float), kd=np.array(numbers[4:], dtype=float))

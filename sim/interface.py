@@ -138,7 +138,8 @@ class ControlStep(Protocol):
 
     Attributes:
         stance: "left" or "right": the leg the controller believes to stand.
-        u_zd: ZD+PD share of the commanded torque in [N.m], (4,), before any saturation.
+        u_zd: ZD+PD share of the commanded torque in [N.m], (4,), before any saturation; the feed-forward of a
+            controller without ZD+PD inside.
         u_mpc: MPC share in [N.m], (4,); zeros for a controller without one.
         u_total: Commanded torque in [N.m], (4,).
         y: Outputs q_i - h_d,i(theta) in [rad], (4,): stance hip, swing hip, stance knee, swing knee.
@@ -148,7 +149,8 @@ class ControlStep(Protocol):
         s: Normalised clock, 0 at the start and 1 at the end of a nominal step.
         contact_force: Stance contact force the model expects under `u_total`, (tangential, normal) in [N], (2,).
         impact_in: Ticks to the next impact the prediction sees, -1 if none within the horizon.
-        status: How the torque came about: "zd-pd", "optimal", or the reason for falling back to ZD+PD.
+        status: How the torque came about: "zd-pd", "optimal", "suboptimal", "relaxed", or the reason for falling back
+            to ZD+PD.
         fallback: Whether the named fall-back policy was used in this tick.
         iterations: Solver iterations.
         residuals: Primal residual, dual residual and duality gap of the solved problem, (3,).

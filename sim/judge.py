@@ -6,6 +6,8 @@ from sim.interface import PlantState
 from sim.outcome import FallReason
 
 SETTLING = 0.02  # [s] after an impact, in which contact forces are those of the impact
+STEP_SHARE = 0.125  # of the leg: a quarter of a gait's usual step, which is half a leg
+HIP_SHARE = 0.5625  # of the leg; RABBIT's hip, 0.8 m above its foot when it stands upright, may sink to 0.45 m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,9 +17,10 @@ class FallCriteria:
     A foot that scuffs past the other touches the ground a little ahead of it, and a walker that tumbles forward
     does so with both feet in turn, ten times a second: neither is a step.
 
+    The defaults are RABBIT's; `of_leg` scales them to another walker.
+
     Attributes:
-        step_length: Least distance ahead of the stance foot at which a landing is a step in [m]; a quarter of
-            the gait's.
+        step_length: Least distance ahead of the stance foot at which a landing is a step in [m].
         hip_height: Least height of the hip above the lower foot in [m].
         torso_tilt: Largest absolute torso angle in [rad].
         stall_time: Longest time without a step in [s].
@@ -27,6 +30,11 @@ class FallCriteria:
     hip_height: float = 0.45
     torso_tilt: float = 1.2
     stall_time: float = 2.0
+
+    @classmethod
+    def of_leg(cls, length: float) -> "FallCriteria":
+        """Criteria for a walker by its leg's nominal length in [m], the height of its hip when it stands upright."""
+        return cls(step_length=STEP_SHARE * length, hip_height=HIP_SHARE * length)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +100,7 @@ class Judge:
         if state.penetrating:
             return FallReason.BODY_CONTACT, ", ".join(state.penetrating)
         if height < c.hip_height:
-            return FallReason.HIP_LOW, f"{height:.3f} m above the lower foot, least {c.hip_height} m"
+            return FallReason.HIP_LOW, f"{height:.3f} m above the lower foot, least {c.hip_height:g} m"
         if abs(tilt) > c.torso_tilt:
             return FallReason.TORSO_TILT, f"{tilt:.2f} rad, at most {c.torso_tilt} rad"
         if state.t - self.last_impact > c.stall_time:

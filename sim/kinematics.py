@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sim.interface import Vector
+from sim.tables import LimbFactors
 
 LEFT, RIGHT = range(2)
 LEGS = ("left", "right")
@@ -38,6 +39,11 @@ class LegGeometry:
             (float(model.body(f"{leg}_tibia").pos[2]), float(model.geom(f"{leg}_foot").pos[2])) for leg in LEGS
         )
         return cls(lengths=(left, right))
+
+    def nominal_length(self, errors: LimbFactors) -> float:
+        """Length of a leg in [m] before the plant's errors in length: what the walker is said to have."""
+        femur, tibia = self.lengths[LEFT]
+        return femur / errors.left_femur + tibia / errors.left_tibia
 
     @property
     def alike(self) -> bool:

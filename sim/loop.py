@@ -7,7 +7,7 @@ from typing import Protocol
 from sim.disturbances import PERIOD, CentresOfMass, active_forces
 from sim.errors import PlantDiverged
 from sim.interface import Controller, ControlStep, Observation, Plant, PlantState, Vector
-from sim.judge import Judge, TouchDown
+from sim.judge import FallCriteria, Judge, TouchDown
 from sim.metrics import Metrics
 from sim.outcome import FallReason, Outcome, RunSummary
 from sim.scenario import Push
@@ -41,6 +41,24 @@ class NoTape:
         """Forget an event."""
 
 
+class Tapes:
+    """Several tapes as one."""
+
+    def __init__(self, *tapes: Tape) -> None:
+        """Args: tapes: told everything, in this order."""
+        self._tapes = tapes
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """Hand a tick on."""
+        for tape in self._tapes:
+            tape.tick(k, state, observation, step, tick_s)
+
+    def event(self, k: int, level: str, name: str, message: str) -> None:
+        """Hand an event on."""
+        for tape in self._tapes:
+            tape.event(k, level, name, message)
+
+
 class Loop:
     """One run of one walker, from its start to its end."""
 
@@ -57,6 +75,7 @@ class Loop:
         tape: Tape,
         torque_limits: Vector,
         period: float = PERIOD,
+        criteria: FallCriteria | None = None,
     ) -> None:
         """Put the parts together; plant and controller must have been reset.
 
@@ -71,13 +90,14 @@ class Loop:
             tape: Where ticks and events go.
             torque_limits: In [N.m], (4,), for the summary.
             period: Control period in [s], over which impulses are spread.
+            criteria: When a run counts as a fall; RABBIT's by default.
         """
         self._plant, self._controller, self._tape = plant, controller, tape
         self._pushes, self._com = tuple(pushes), com
         self._steps, self._end_time = steps, end_time
         self._torque_limits = torque_limits
         self._period = period
-        self._judge = Judge(stance)
+        self._judge = Judge(stance, criteria)
         self._metrics = Metrics()
         self._fallback = False
         self._pushed = False

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.interface import Controller, Plant, Vector
+from sim.judge import FallCriteria
 from sim.kinematics import LEGS
 from sim.loop import Loop, Stop, Tape
 from sim.outcome import Outcome, RunSummary
@@ -32,6 +33,7 @@ class Rig:
         dq_start: Their rates in [rad/s], (5,).
         x_gait: The gait's own pre-impact state in stance order, (10,): a first guess of the periodic one.
         surface: The switching surface.
+        criteria: When a run counts as a fall.
     """
 
     scenario: Scenario
@@ -44,6 +46,7 @@ class Rig:
     dq_start: Vector
     x_gait: Vector
     surface: Surface
+    criteria: FallCriteria
 
     def run(
         self,
@@ -70,7 +73,7 @@ class Rig:
             stop: Asked every tick; a reason ends the run as interrupted.
         """
         start = self.scenario.start
-        q = self.q_start + np.array(start.q_offset) if q is None else np.array(q)
+        q = self.q_start + np.array(start.q_change) if q is None else np.array(q)
         dq = self.dq_start + np.array(start.dq_offset) if dq is None else np.array(dq)
         q[-1] += start.torso_offset if torso_offset is None else torso_offset
         walker = self.walker()
@@ -88,6 +91,7 @@ class Rig:
             tape=tape,
             torque_limits=self.torque_limits,
             period=self.scenario.controller.period,
+            criteria=self.criteria,
         ).run(stop=stop)
 
     def sections(self) -> SectionTape:

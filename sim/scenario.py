@@ -27,6 +27,7 @@ from sim.units import (
     POSITIVE,
     Newton,
     Radian,
+    Range,
     Ratio,
     Second,
     Unit,
@@ -45,6 +46,7 @@ __all__ = [
     "Scenario",
     "SensorSettings",
     "StartSettings",
+    "WeightSettings",
 ]
 
 SHIPPED = Path(__file__).parent / "scenarios"
@@ -53,6 +55,8 @@ DEFAULT = "push-25N"
 Body = Literal["torso", "left_femur", "left_tibia", "right_femur", "right_tibia"]
 Four = tuple[float, float, float, float]
 Five = tuple[float, float, float, float, float]
+
+QP_WEIGHT = Range(low=1e-4, high=1e4, words="between 1e-4 and 1e4")  # a dense solver has sixteen digits to share
 
 TIME_PER_STEP = 2.0  # [s] of simulated time allowed for each step when no limit is given
 
@@ -114,25 +118,76 @@ class FittingSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WeightSettings:
+    """Cost of c-mpc in Eq. (16), relative to the paper's; ordered stance hip, swing hip, stance knee, swing knee.
+
+    Attributes:
+        output: Factors on the paper's weights 2 K_P / T^2 on the outputs y.
+        output_rate: Factors on the paper's weights K_D / T on their rates.
+        torque: Weights R on the MPC's torques; 1 in the paper.
+    """
+
+    output: Annotated[Four, Unit("ratio"), NOT_NEGATIVE] = (1.0, 1.0, 1.0, 1.0)
+    output_rate: Annotated[Four, Unit("ratio"), NOT_NEGATIVE] = (1.0, 1.0, 1.0, 1.0)
+    torque: Annotated[Four, Unit("1/(N.m)^2"), POSITIVE] = (1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClfSettings:
+    """Tuning of clf-qp, found on the walks that controller/rivals names; the other controllers do not read it.
+
+    Attributes:
+        epsilon: The Lyapunov function's epsilon; the smaller, the faster the outputs converge.
+        penalty: Weight on missing its guaranteed decay.
+        force_penalty: Weight on contact forces beyond their limits.
+    """
+
+    epsilon: Annotated[Ratio, Range(low=1e-3, words="1e-3 or above")] = 0.015
+    penalty: Annotated[float, Unit("s^2/rad^2"), QP_WEIGHT] = 10.0
+    force_penalty: Annotated[float, Unit("1/N^2"), QP_WEIGHT] = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputMpcSettings:
+    """Tuning of output-mpc, found on the walks that controller/rivals names; the other controllers do not read it.
+
+    Attributes:
+        stages: Prediction horizon.
+        stage_time: Length of a stage.
+        output: Weight on the outputs y.
+        output_rate: Weight on their rates.
+    """
+
+    stages: Annotated[int, Unit("stages"), Range(low=1, high=100, words="from 1 to 100")] = 10
+    stage_time: Annotated[Second, Range(low=1e-4, high=0.1, words="between 1e-4 and 0.1")] = 5e-3
+    output: Annotated[float, Unit("1/s^4"), Range(low=1.0, high=1e9, words="between 1 and 1e9")] = 3e7
+    output_rate: Annotated[float, Unit("1/s^2"), Range(low=0.0, high=1e9, words="between 0 and 1e9")] = 3e4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
     """The controller and its beliefs; joint gains are ordered stance hip, swing hip, stance knee, swing knee.
 
     Attributes:
         kind: Control law: the paper's cascade (ZD+PD inside an MPC), ZD+PD alone, or a cascade with an MPC that
-            linearises the closed loop through impacts and minds the clock's rate.
+            linearises the closed loop through impacts and minds the clock's rate; or a rival: a control Lyapunov
+            function held by a QP, or MPC of the linearised outputs.
         kp: Proportional gains K_P of the outputs.
         kd: Derivative gains K_D of the outputs.
         horizon: Prediction horizon N.
         period: Sampling and hold period T.
         friction: Friction coefficient the controller assumes.
-        friction_rows: Whether the MPC bounds the stance contact force.
+        friction_rows: Whether the MPC, or the QP of clf-qp, bounds the stance contact force; output-mpc never does.
         normal_force_min: Lower bound on the stance foot's normal force.
         solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
+        weights: Cost of c-mpc.
         ltv: Prediction and cost of c-mpc-ltv.
+        clf: Tuning of clf-qp.
+        output_mpc: Tuning of output-mpc.
         gait_fitting: Which gait to follow.
     """
 
-    kind: Literal["c-mpc", "zd-pd", "c-mpc-ltv"] = "c-mpc"
+    kind: Literal["c-mpc", "zd-pd", "c-mpc-ltv", "clf-qp", "output-mpc"] = "c-mpc"
     kp: Annotated[Four, Unit("1/s^2"), NOT_NEGATIVE] = (60.0, 90.0, 90.0, 50.0)
     kd: Annotated[Four, Unit("1/s"), NOT_NEGATIVE] = (10.0, 20.0, 20.0, 10.0)
     horizon: Annotated[int, Unit("ticks"), AT_LEAST_ONE] = 100
@@ -141,7 +196,10 @@ class ControllerSettings:
     friction_rows: bool = True
     normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0
     solver: str = "riccati"
+    weights: WeightSettings = dataclasses.field(default_factory=WeightSettings)
     ltv: LtvSettings = dataclasses.field(default_factory=LtvSettings)
+    clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
+    output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
     gait_fitting: FittingSettings = dataclasses.field(default_factory=FittingSettings)
 
 
@@ -177,14 +235,23 @@ class StartSettings:
     """Offsets from the first state of the gait; angles ordered as `sim.interface.COORDINATES`.
 
     Attributes:
-        torso_offset: Added to the torso angle alone.
+        torso_offset: Added to the torso angle alone: the whole walker is tilted about its stance foot.
+        torso_lean: Tilts the torso on legs that stay as they are.
         q_offset: Added to the four joint angles and the torso angle.
         dq_offset: Added to their rates.
     """
 
     torso_offset: Radian = 0.0
+    torso_lean: Radian = 0.0
     q_offset: Annotated[Five, Unit("rad")] = (0.0, 0.0, 0.0, 0.0, 0.0)
     dq_offset: Annotated[Five, Unit("rad/s")] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def q_change(self) -> Five:
+        """`q_offset` with the lean in [rad]; hip angles are those between torso and femurs."""
+        left, right, left_knee, right_knee, torso = self.q_offset
+        lean = self.torso_lean
+        return left - lean, right - lean, left_knee, right_knee, torso + lean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -177,12 +177,16 @@ def to_toml(settings: Any) -> str:
     return "\n".join(_toml_lines(settings, "")).strip() + "\n"
 
 
+def toml_line(row: Setting) -> str:
+    """One setting as a line of TOML by its path, its unit beside it."""
+    return f"{row.path} = {_toml_value(row.value)}" + (f"  # [{row.spec.unit}]" if row.spec.unit else "")
+
+
 def _toml_lines(settings: Any, path: str) -> Iterator[str]:
     fields = specs(type(settings)).items()
     for name, spec in fields:
         if not spec.is_table and getattr(settings, name) is not None:
-            unit = f"  # [{spec.unit}]" if spec.unit else ""
-            yield f"{name} = {_toml_value(getattr(settings, name))}{unit}"
+            yield toml_line(Setting(path=name, value=getattr(settings, name), spec=spec))
     for name, spec in fields:
         if spec.is_table:
             here, value = join(path, name), getattr(settings, name)

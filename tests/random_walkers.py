@@ -39,6 +39,21 @@ def random_urdf(seed: int) -> str:
     return text
 
 
+def scaled_urdf(scale: float) -> str:
+    """RABBIT's URDF for a walker that is dynamically similar to it: lengths times the scale, time by its root."""
+    powers = {
+        r'(<origin xyz="0 [-\d.]+ )([\d.]+)(")': 1.0,
+        r'(<mass value=")([\d.]+)(")': 3.0,
+        r'(i[xyz]{2}=")([\d.]+)(")': 5.0,
+        r'(effort=")([\d.]+)(")': 4.0,
+        r'(damping=")([\d.]+)(")': 4.5,
+    }
+    text = (RABBIT / "rabbit.urdf").read_text()
+    for pattern, power in powers.items():
+        text = re.sub(pattern, lambda m, factor=scale**power: f"{m[1]}{float(m[2]) * factor:.12g}{m[3]}", text)
+    return text
+
+
 def random_model(seed: int, folder: Path) -> WalkerModel:
     path = folder / f"random-{seed}.urdf"
     path.write_text(random_urdf(seed))

@@ -12,7 +12,7 @@ from fakes import Step
 
 from controller.gait import load_gait
 from controller.model import WalkerModel
-from sim import compose
+from sim import compose, compose_controllers
 from sim.interface import COORDINATES
 from sim.log_reader import read_log
 from sim.loop import Loop, NoTape
@@ -169,7 +169,7 @@ def test_a_solver_that_never_answers_walks_on_zd_pd_and_is_counted(tmp_path, mon
         def solve(self, problem):
             return failed(SHORT.controller.horizon, "no-solution")
 
-    monkeypatch.setattr(compose, "make_solver", lambda *args: Mute())
+    monkeypatch.setattr(compose_controllers, "make_solver", lambda *args: Mute())
     calm = dataclasses.replace(SHORT, pushes=(), steps=1)
     summary = run(calm, tmp_path / "x.mcap")
     log = read_log(tmp_path / "x.mcap")
@@ -226,6 +226,19 @@ def test_start_is_the_gaits_state_after_impact_with_the_offsets(model):
     )
     q1, dq1 = compose.start_state(moved, belief)
     assert q1 - q == pytest.approx([1, 2, 3, 4, 5.1]) and dq1 - dq == pytest.approx([5, 4, 3, 2, 1])
+
+
+def test_a_leaning_torso_leaves_the_legs_where_they_are():
+    belief = compose.load_belief(SHORT)
+    states = []
+    for lean in (0.0, 0.2):
+        scenario = with_values(SHORT, {"start.torso_lean": lean})
+        plant = compose.build_plant(scenario)
+        plant.reset(*compose.start_state(scenario, belief), "left")
+        states.append(plant.state())
+    upright, leaning = states
+    assert leaning.q[-1] - upright.q[-1] == pytest.approx(0.2)
+    assert leaning.foot == pytest.approx(upright.foot) and leaning.hip == pytest.approx(upright.hip)
 
 
 def test_belief_knows_nothing_of_the_plants_errors():

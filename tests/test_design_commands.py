@@ -3,16 +3,22 @@
 import dataclasses
 import json
 import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import RABBIT
+from random_walkers import scaled_urdf
 
 from controller.design.requirements import Requirements
 from sim.cli import main
 from sim.commands.gait import REQUIREMENTS
+from sim.compose_design import check_new_file
+from sim.errors import UserError
 
 URDF = RABBIT / "rabbit.urdf"
-SLOW = 5.0  # [m/s] no biped walks
+TAC = RABBIT.parent / "rabbit-tac" / "gaits" / "L0.40-v1.05.toml"
+TOO_FAST = 5.0  # [m/s]
 
 
 def run(capsys, *argv):
@@ -43,16 +49,49 @@ def test_polish_then_plot(capsys, tmp_path):
 
 
 def test_a_walker_from_its_urdf_to_its_walk(capsys, tmp_path):
-    folder = tmp_path / "mine"
-    code, out, _ = run(capsys, "walker", "new", folder, "--urdf", URDF)
+    """Half of RABBIT, dynamically similar: what holds for the one must hold for the other."""
+    folder, urdf = tmp_path / "mine", tmp_path / "half.urdf"
+    urdf.write_text(scaled_urdf(0.5))
+    code, out, _ = run(capsys, "walker", "new", folder, "--urdf", urdf)
     assert code == 0 and "cmpc gait design" in out
     code, out, _ = run(capsys, "walker", "check", folder)
     assert code == 1 and "FAIL  gaits: none" in out
     assert re.findall("FAIL", out) == ["FAIL"]
-    code, _, _ = run(capsys, "gait", "design", "--walker", folder, "--step-length", 0.4, "--step-time", 0.5, "--json")
+    design = ["gait", "design", "--walker", folder, "--step-length", 0.2, "--step-time", 0.35, "--degree", 5, "--json"]
+    code, out, _ = run(capsys, *design, "--starts", 1)
     assert code == 0
+    gait = Path(json.loads(out)["file"])
+    kept = gait.read_bytes()
+    code, _, err = run(capsys, *design, "--starts", 1, "--torque-share", 0.8)
+    assert code == 2 and gait.name in err and "--force" in err and gait.read_bytes() == kept
     code, out, _ = run(capsys, "walker", "check", folder, "--steps", 5, "--json")
     assert code == 0 and all(stage["holds"] for stage in json.loads(out)["stages"])
+
+
+def test_a_file_is_made_again_by_the_same_request_alone(tmp_path):
+    out = tmp_path / "g.toml"
+    check_new_file(out, "Made by: this", force=False)
+    out.write_text("# Made by: this\nname = 1\n")
+    check_new_file(out, "Made by: this", force=False)
+    for remark in ("Made by: that", None):
+        check_new_file(out, remark, force=True)
+        with pytest.raises(UserError, match="another file is there"):
+            check_new_file(out, remark, force=False)
+
+
+def test_compare_tells_two_gaits_apart(capsys, tmp_path):
+    picture = tmp_path / "c.png"
+    code, out, _ = run(capsys, "gait", "compare", "paper-polished", "L0.40-v0.80", "--json", "--plot", picture)
+    found = json.loads(out)
+    assert code == 0 and picture.read_bytes().startswith(b"\x89PNG")
+    alpha = {name: np.array(found["alpha_rad"][name]) for name in ("first", "second")}
+    assert np.array(found["apart_rad"]) == pytest.approx(alpha["second"] - alpha["first"])
+    costs = found["measures"]["squared_torque_N2ms"]
+    for gait, name in (("paper-polished", "first"), ("L0.40-v0.80", "second")):
+        _, out, _ = run(capsys, "gait", "check", gait, "--json")
+        assert costs[name] == pytest.approx(json.loads(out)["cost_N2ms"])
+    code, out, _ = run(capsys, "gait", "compare", "paper-polished", "paper-polished")
+    assert code == 0 and "apart by 0.0000 rad" in out
 
 
 def test_check_sees_models_that_disagree(capsys, tmp_path):
@@ -82,11 +121,17 @@ def test_what_is_no_walker_is_refused(capsys, tmp_path, old, new, words):
 
 
 BAD = {
-    "impossible speed": (["gait", "design", "--step-length", 0.4, "--speed", SLOW], ["misses by", "legal"]),
+    "impossible speed": (
+        ["gait", "design", "--step-length", 0.4, "--speed", TOO_FAST, "--degree", 4],
+        ["nearest", "misses by", "legal"],
+    ),
     "neither speed nor time": (["gait", "design", "--step-length", 0.4], ["--speed", "--step-time"]),
-    "degree": (["gait", "design", "--step-length", 0.4, "--speed", 0.8, "--degree", 3], ["degree = 3", "4 to 10"]),
+    "degree": (["gait", "design", "--step-length", 0.41, "--speed", 0.8, "--degree", 3], ["degree = 3", "4 to 10"]),
     "friction nan": (["gait", "check", "paper", "--friction", "nan"], ["--friction", "finite"]),
     "unknown subcommand": (["gait", "desing"], ["desing", "legal"]),
+    "polish over a file": (["gait", "polish", "paper", "--out", RABBIT / "gaits" / "paper.toml"], ["--force"]),
+    "nothing to compare with": (["gait", "compare", "paper"], ["required"]),
+    "compared with another walker's": (["gait", "compare", "paper", TAC], ["fingerprint", "cmpc gait design"]),
     "gait of another walker": (["gait", "check", "L0.40-v0.80", "--walker", "rabbit-tac"], ["no such gait"]),
     "folder exists": (["walker", "new", RABBIT, "--urdf", URDF], ["already exists"]),
     "folder name": (["walker", "new", "Not A Name", "--urdf", URDF], ["Not A Name", "legal"]),
@@ -113,12 +158,12 @@ def test_a_gait_file_of_another_walker_is_refused(capsys):
 
 def test_gain_search_resumes_and_writes_a_scenario(capsys, tmp_path):
     out = tmp_path / "g.toml"
-    code, _, _ = run(capsys, "gains", "search", "--evaluations", 3, "--out", out)
+    code, _, _ = run(capsys, "gains", "search", "--evaluations", 2, "--out", out)
     record = out.with_suffix(".jsonl")
     first = record.read_text()
     assert code == 0
-    record.write_text(first + '{"gains": [1.0,')  # stopped in the middle of a line
-    code, text, err = run(capsys, "gains", "search", "--evaluations", 12, "--out", out, "--json")
+    record.write_text(first + '{"point": [1.0,')  # stopped in the middle of a line
+    code, text, err = run(capsys, "gains", "search", "--evaluations", 4, "--out", out, "--json")
     assert code == 0 and "goes on" in err and record.read_text().startswith(first)
     found = json.loads(text)
     assert found["found"]["score"] <= found["start"]["score"]

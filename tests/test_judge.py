@@ -99,6 +99,13 @@ def test_criteria_can_be_others():
     assert strict.stance == 1
 
 
+def test_criteria_follow_the_leg_and_are_rabbits_by_default():
+    assert FallCriteria.of_leg(0.8) == FallCriteria()
+    half = FallCriteria.of_leg(0.4)
+    assert (half.hip_height, half.step_length) == pytest.approx((0.225, 0.05))
+    assert Judge("left", half).fall(plant_state(hip=np.array([0.0, 0.4])))[0] is FallReason.NONE
+
+
 def test_a_foot_that_scuffs_just_ahead_is_no_step_until_it_lands(judge):
     """Past the stance foot by a centimetre it has only scuffed; the same foot then lands, and that is the step."""
     assert judge.touch_down(landed(0.3, np.array([[0.0, 0.0], [judge.criteria.step_length / 10, 0.0]]))) is None

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from controller import active_set, interior_point, riccati, structured
-from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
-from controller.qp import StageQP
+from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel, refined
+from controller.qp import SparseSolver, StageQP
 from controller.solvers import make_solver
 
 N, R = 12, 3
@@ -113,6 +113,15 @@ def test_the_answer_is_clarabels(seed):
     np.testing.assert_allclose(own.u, other.u, atol=1e-3)
     best = problem.objective(other.u)
     assert problem.objective(own.u) <= best + 1e-9 * abs(best)
+
+
+@pytest.mark.parametrize("conflict", [False, True])
+def test_a_refined_answer_of_clarabel_is_ours_to_rounding(conflict):
+    problem = random_problem(np.random.default_rng(300), conflict=conflict)
+    own = make_solver("riccati", N, R).solve(problem).u
+    rough = SparseSolver("clarabel", N, tol_gap_abs=1e-7, tol_gap_rel=1e-7, tol_feas=1e-7).solve(problem).u
+    assert np.abs(own - rough).max() > 1e-7
+    np.testing.assert_allclose(refined(problem, rough), own, rtol=0.0, atol=1e-7)
 
 
 def test_residuals_bound_the_distance_to_the_optimum():

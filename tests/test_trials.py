@@ -2,6 +2,7 @@
 
 import dataclasses
 import errno
+import html
 import json
 import os
 import signal
@@ -16,8 +17,10 @@ import pytest
 from sim import cli
 from sim.errors import UserError
 from sim.trials import TrialSpec, run_plan, run_trial
+from sim.trials.campaign import Results
+from sim.trials.findings import random_findings, sides
 from sim.trials.plan import Plan, differences, from_toml, load_plan, shipped_names, to_toml
-from sim.trials.recall import stored_scenario
+from sim.trials.recall import open_results, stored_scenario
 from sim.trials.result import TrialResult, result_without_times
 from sim.trials.store import FILE, Store
 from sim.trials.trial import trial_scenario, trial_seed
@@ -84,7 +87,7 @@ def write(folder: Path, text: str = PLAN) -> str:
 
 
 def test_plans_read_back_equal_and_shipped_ones_are_there(plan: Plan) -> None:
-    assert shipped_names() == ["atlas", "bodies", "montecarlo", "payload", "pushes", "tuning"]
+    assert shipped_names() == ["atlas", "bodies", "montecarlo", "payload", "pushes", "tuning", "weights"]
     for one in (plan, *map(load_plan, shipped_names())):
         assert from_toml(to_toml(one)) == one and from_toml(to_toml(one)).hash() == one.hash()
 
@@ -195,6 +198,94 @@ def test_the_command_leaves_database_table_plots_and_page(plan: Plan, tmp_path: 
     assert stored_scenario(f"{tmp_path / 'out'}#zd-pd/{fell.trial}").seed == fell.seed
 
 
+THREE = """
+seed = 2
+[scenario]
+steps = 1
+[[margin]]
+name = "tilt"
+[[margin.axes]]
+paths = ["start.torso_lean"]
+nominal = 0
+low = -0.9
+high = 0.9
+tolerance = 0.45
+typical = 0.3
+scan = 1
+[[montecarlo]]
+name = "pushed"
+trials = 4
+[[montecarlo.axes]]
+name = "push"
+paths = ["pushes.0.force"]
+also = ["pushes.0.step = 1"]
+distribution = "uniform"
+low = -80
+high = 80
+"""
+
+
+@pytest.fixture(scope="module")
+def three(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("three")
+    argv = ["trials", write(folder, THREE), "--out", str(folder / "out"), "--workers", "1", "--quiet"]
+    assert cli.main([*argv, "--controllers", "c-mpc,zd-pd,c-mpc-ltv"]) == 0
+    return folder / "out"
+
+
+def test_all_controllers_are_compared_with_the_first(three: Path) -> None:
+    plan, store = open_results(three)
+    assert plan.controllers == ("c-mpc", "zd-pd", "c-mpc-ltv")
+    results = Results(plan=plan, store=store)
+    found = random_findings(results, plan.montecarlo[0])
+    assert found.reference == "c-mpc" and tuple(found.pairs) == plan.controllers[1:] == tuple(found.p)
+    for other, pair in found.pairs.items():
+        draws = zip(found.results["c-mpc"], found.results[other], strict=True)
+        assert pair.first == sum(a.survived and not b.survived for a, b in draws) and found.p[other] >= pair.p
+    store.close()
+
+
+def test_the_pages_say_for_every_side_and_controller_what_breaks(three: Path) -> None:
+    report, breaks = ((three / name).read_text() for name in ("report.html", "breaks.html"))
+    plan, store = open_results(three)
+    falls = [side for side in sides(Results(plan=plan, store=store), plan.margin[0]) if side.fall]
+    assert {side.controller for side in falls} == set(plan.controllers)
+    for side in falls:
+        assert side.fall.cause and f"{side.controller}/{side.fall.trial} " in breaks
+        assert html.escape(side.fall.proof) in breaks
+    assert all(row.cause for row in store.results() if row.outcome == "fell")
+    assert not any(row.cause for row in store.results() if row.survived)
+    assert "Breaks first" in report and "breaks.html" in report and "draw by draw" in report
+    store.close()
+
+
+def test_margins_whose_search_is_not_finished_are_left_out(three: Path, tmp_path: Path) -> None:
+    plan, store = open_results(three)
+    with Store(tmp_path / FILE, write=True) as part:
+        part.set_plan(plan, {})
+        for row in store.results("c-mpc"):
+            if row.study == "tilt" and row.axis_values["start.torso_lean"] <= 0.0:
+                part.add(row)
+    store.close()
+    assert cli.main(["trials", "report", str(tmp_path)]) == 0
+    plan, store = open_results(tmp_path)
+    assert {(side.controller, side.sign) for side in sides(Results(plan=plan, store=store), plan.margin[0])} == {
+        ("c-mpc", -1)
+    }
+    store.close()
+    assert "Not all trials have been run yet" in (tmp_path / "report.html").read_text()
+
+
+def test_the_benchmark_of_trials_has_a_rate_for_each_controller(capsys) -> None:
+    assert cli.main(["trials", "bench", "--controllers", "zd-pd", "--trials", "4", "--json"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)["figures"]}
+    one = rows["zd-pd, 1 worker"]["value"]
+    assert one > 0.0 and rows["zd-pd, CPU time of a trial"]["value"] > 0.0
+    for name, row in rows.items():
+        if "efficiency" in name:
+            assert row["value"] == pytest.approx(rows["zd-pd, 2 workers"]["value"] / (2 * one))
+
+
 def test_results_come_as_a_data_frame(plan: Plan) -> None:
     pytest.importorskip("pandas")
     frame = run_plan(from_toml(PLAN.split("[[margin]]")[0]), workers=1).frame()
@@ -226,8 +317,23 @@ def test_results_of_a_newer_version_are_refused(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with sqlite3.connect(tmp_path / "out" / FILE) as db:
         db.execute("PRAGMA user_version = 99")
-    with pytest.raises(UserError, match="version 99; this program reads up to 1"):
+    with pytest.raises(UserError, match="version 99; this program reads 2: use a newer one"):
         Store(tmp_path / "out" / FILE)
+
+
+def test_results_of_an_older_version_are_refused_and_set_aside_by_restart(plan: Plan, tmp_path: Path) -> None:
+    with sqlite3.connect(tmp_path / FILE) as db:
+        db.execute("PRAGMA user_version = 1")
+    one = dataclasses.replace(plan, grid=(), margin=(), montecarlo=(dataclasses.replace(plan.montecarlo[0], trials=1),))
+    with pytest.raises(UserError, match="version 1; this program reads 2: run them again, with --restart"):
+        run_plan(one, tmp_path, workers=1)
+    assert len(list(run_plan(one, tmp_path, workers=1, restart=True))) == 1
+
+
+def test_what_is_no_database_is_refused(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("no database " * 100)
+    with pytest.raises(UserError, match="must be the results of a campaign"):
+        Store(tmp_path / FILE)
 
 
 def test_a_full_disk_stops_the_campaign_and_keeps_what_there_is(tmp_path: Path, reference) -> None:
@@ -295,6 +401,9 @@ def test_a_bad_plan_is_one_line_and_exit_code_2(text: str, tmp_path: Path, capsy
         ("trials atlas --out o --workers 0", "--workers = 0"),
         ("trials atlas --out o --workers 1 --cluster tcp://x:1", "--cluster"),
         ("trials atlas --out /proc/x", "/proc/x"),
+        ("trials atlas --out o --controllers zdpd", "did you mean zd-pd"),
+        ("trials atlas --out o --controllers zd-pd,zd-pd", "zd-pd is given twice"),
+        ("trials bench --trials 1", "must be 4 or above"),
         ("trials show nowhere --trial c-mpc/1", "no results there"),
         ("run --from-trial nowhere", "DIR#CONTROLLER/NUMBER"),
         ("run --from-trial nowhere#c-mpc/1", "no results there"),

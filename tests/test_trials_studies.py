@@ -10,8 +10,9 @@ from scipy.stats import binomtest
 
 from sim.scenario import Scenario
 from sim.trials import stats
+from sim.trials.findings import Side
 from sim.trials.grid import GridAxis, GridStudy, boundary
-from sim.trials.margin import MarginAxis, MarginStudy, bracket, margin, next_positions
+from sim.trials.margin import Margin, MarginAxis, MarginStudy, bracket, margin, next_positions
 from sim.trials.montecarlo import MonteCarloStudy, RandomAxis
 
 SLOPE = ("plant.ground.slope",)
@@ -46,7 +47,7 @@ def test_the_margin_is_the_last_lattice_value_before_the_edge(edge: float, side:
 
 
 def test_survival_that_comes_back_is_found_and_said() -> None:
-    one = axis()
+    one = axis(scan=5)
     known = search(one, 1, lambda value: value < 0.033 or value > 0.07)
     found = margin(one, 1, {p: "" if ok else "tripped" for p, ok in known.items()})
     assert found.value == pytest.approx(0.032) and found.fell_at == pytest.approx(0.033)
@@ -58,6 +59,18 @@ def test_a_walker_that_falls_at_the_nominal_value_has_no_margin() -> None:
     known = search(one, 1, lambda value: value > 0.05)
     found = margin(one, 1, {p: "" if ok else "fell" for p, ok in known.items()})
     assert found.value is None and found.fell_at == 0.0 and found.again
+
+
+@pytest.mark.parametrize(
+    ("fell_at", "times"),
+    [(0.004, 0.2), (-0.03, 1.5), (None, 5.0)],
+)
+def test_sides_compare_by_where_they_fall_in_typical_deviations(fell_at: float | None, times: float) -> None:
+    """Where the first step of the lattice falls, the last value held is the nominal one and says nothing."""
+    one = axis(typical=0.02)
+    held = Margin(value=0.0, fell_at=fell_at, fell_position=None, reason="", again=(), trials=3)
+    side = Side(axis=one, unit="rad", controller="c-mpc", sign=1, limit=0.1, margin=held, fall=None)
+    assert side.typical_errors == pytest.approx(times)
 
 
 def test_a_logarithmic_axis_is_even_in_ratio_and_meets_its_ends() -> None:
@@ -143,6 +156,12 @@ def test_mcnemar_is_the_binomial_test_of_the_discordant_pairs(pairs: list[tuple[
     differ = found.first + found.second
     expected = binomtest(found.first, differ).pvalue if differ else 1.0
     assert found.p == pytest.approx(expected)
+
+
+def test_holm_is_the_published_procedure() -> None:
+    """S. Holm, Scandinavian Journal of Statistics 6 (1979): the smallest p times n, the next times n - 1, no less."""
+    assert stats.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert stats.holm([0.5, 0.6]) == [1.0, 1.0] and stats.holm([]) == []
 
 
 def test_attribution_finds_the_axis_that_matters_and_tells_direction_from_distance() -> None:

@@ -1,5 +1,6 @@
 """The nominal orbit: how fast the clock runs on the gait, which is the energy that the zero dynamics carry."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +42,11 @@ def nominal_rate(orbit: Orbit, theta: float) -> tuple[float, float]:
     return value + slope * (s - inside), slope / orbit.theta_span
 
 
+@functools.lru_cache(maxsize=4)
 def find_orbit(model: WalkerModel, gait: Gait) -> Orbit:
     """Let the walker settle on the gait under ZD+PD and rigid impacts, and fit the clock's rate.
+
+    Found once for a model and a gait: a campaign builds thousands of controllers on the same two.
 
     Args:
         model: The walker believed in.

@@ -6,6 +6,10 @@ import os
 import platform
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim.bench import Figure
 
 
 def main(argv: Sequence[str]) -> int:
@@ -15,32 +19,34 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--json", action="store_true", help="print the figures as one JSON object")
     found = parser.parse_args(argv)
 
-    from sim.bench import Figure, benchmark
+    from sim.bench import benchmark
 
     def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
     figures = benchmark(quick=found.quick, say=say)
-    if found.json:
+    show(figures, as_json=found.json)
+    return 0
+
+
+def show(figures: Sequence["Figure"], *, as_json: bool) -> None:
+    """Print figures against their targets, as a table or as one JSON object."""
+    if as_json:
         rows = [
             {"name": f.name, "value": f.value, "unit": f.unit, "target": f.target, "holds": f.holds} for f in figures
         ]
         print(json.dumps({"machine": _machine(), "figures": rows}))
-        return 0
+        return
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=_machine(), title_justify="left")
     for column in ("figure", "measured", "unit", "target", ""):
         table.add_column(column, justify="right" if column == "measured" else "left")
-
-    def verdict(figure: Figure) -> str:
-        return {True: "holds", False: "missed", None: ""}[figure.holds]
-
+    verdicts = {True: "holds", False: "missed", None: ""}
     for figure in figures:
-        table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target, verdict(figure))
+        table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target, verdicts[figure.holds])
     Console(highlight=False, width=None if sys.stdout.isatty() else 120).print(table)
-    return 0
 
 
 def _machine() -> str:

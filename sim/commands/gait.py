@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from sim import flags
+from sim.commands import gait_compare
 from sim.errors import UserError
 
 HELP = """\
 usage: cmpc gait design  --step-length M --speed M/S [options]   make a gait from nothing
        cmpc gait check   NAME|FILE.toml [options]                 simulate it on the full model and judge it
+       cmpc gait compare NAME|FILE.toml NAME|FILE.toml            two gaits, coefficient by coefficient, cost by cost
        cmpc gait polish  NAME|FILE.toml --out FILE.toml           the exactly periodic gait next to a printed one
        cmpc gait library [options]                                a grid of gaits over step length and speed
 
@@ -41,7 +43,13 @@ REQUIREMENTS = {
 
 def main(argv: Sequence[str]) -> int:
     """Run `cmpc gait`; returns the exit code."""
-    commands = {"design": _design, "check": _check, "polish": _polish, "library": _library}
+    commands = {
+        "design": _design,
+        "check": _check,
+        "compare": gait_compare.main,
+        "polish": _polish,
+        "library": _library,
+    }
     if not argv or argv[0] in ("-h", "--help"):
         print(HELP, end="")
         return 0
@@ -60,6 +68,10 @@ def _parser(name: str, text: str, *, requirements: bool = True) -> flags.Parser:
             nargs = 4 if field in ("kp", "kd") else None
             group.add_argument(_flag(field), dest=field, type=float, nargs=nargs, metavar=unit, help=words)
     return parser
+
+
+def _add_force(parser: flags.Parser) -> None:
+    parser.add_argument("--force", action="store_true", help="write over another file that is there")
 
 
 def _flag(field: str) -> str:
@@ -90,6 +102,7 @@ def _design(argv: Sequence[str]) -> int:
     parser.add_argument("--warm", metavar="NAME|FILE.toml", help="gait to start from")
     parser.add_argument("--starts", type=int, default=2, metavar="INT", help="take the best of so many (default: 2)")
     parser.add_argument("--out", metavar="FILE.toml", help="default: L<m>-v<m/s>.toml in the walker's gaits/")
+    _add_force(parser)
     parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
     found = parser.parse(argv)
     if (found.speed is None) == (found.step_time is None):
@@ -111,6 +124,7 @@ def _design(argv: Sequence[str]) -> int:
         starts=found.starts,
         name=None,
         out=Path(found.out) if found.out else None,
+        force=found.force,
         say=_say,
     )
     return _judge(made, _changes(found), found, extra={"iterations": design.iterations})
@@ -133,13 +147,14 @@ def _polish(argv: Sequence[str]) -> int:
     parser.add_argument("gait", metavar="NAME|FILE.toml")
     parser.add_argument("--walker", metavar="NAME|FOLDER", help="default: the folder the gait lies in, or rabbit")
     parser.add_argument("--out", required=True, metavar="FILE.toml")
+    _add_force(parser)
     parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
     found = parser.parse(argv)
 
     from sim import compose_design
 
     printed = compose_design.belief(found.gait, found.walker)
-    polished = compose_design.polish_gait(printed, Path(found.out))
+    polished = compose_design.polish_gait(printed, Path(found.out), force=found.force)
     apart = float(abs(polished.gait.alpha - printed.gait.alpha).max())
     _say(f"largest change of a coefficient: {apart:.4f} rad")
     return _judge(polished, _changes(found), found, extra={"largest_change_rad": apart})

@@ -1,8 +1,10 @@
-"""`cmpc trials`: run a plan of many trials, look at one of them, rebuild the page."""
+"""`cmpc trials`: run a plan of many trials, look at one of them, rebuild the pages, measure."""
 
+import difflib
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,11 +14,13 @@ from sim.errors import UserError
 if TYPE_CHECKING:
     from sim.trials.campaign import Results
 
+LEAST_TRIALS = 4  # of a benchmark
 EPILOG = """\
 also:
   cmpc trials --list                    the plans that come with the program
   cmpc trials show DIR --trial ID       one trial and its figures; ID is CONTROLLER/NUMBER
-  cmpc trials report DIR                write the page, the table and the plots again
+  cmpc trials report DIR                write the pages, the table and the plots again
+  cmpc trials bench                     trials a second on this machine, against the targets
   cmpc run --from-trial DIR#ID          run one trial again, with its full log
 
 A campaign that was stopped or killed goes on when the same command is given again.
@@ -27,10 +31,9 @@ exit code: 0 complete, 2 bad input, 130 and 143 interrupted by Ctrl-C and SIGTER
 
 def main(argv: Sequence[str]) -> int:
     """Run `cmpc trials`; returns the exit code."""
-    if argv and argv[0] == "show":
-        return _show(argv[1:])
-    if argv and argv[0] == "report":
-        return _report(argv[1:])
+    others = {"show": _show, "report": _report, "bench": _bench}
+    if argv and argv[0] in others:
+        return others[argv[0]](argv[1:])
     parser = _parser()
     found = parser.parse(argv)
     if found.help:
@@ -55,6 +58,7 @@ def _parser() -> flags.Parser:
     own = parser.add_argument_group("options")
     own.add_argument("-h", "--help", action="store_true", help="show the options")
     own.add_argument("--list", action="store_true", help="list the shipped plans")
+    own.add_argument("--controllers", metavar="LIST", help="instead of the plan's: kinds with commas between, or all")
     own.add_argument("--out", metavar="DIR", help="folder of the results, made if missing")
     own.add_argument("--workers", type=int, metavar="INT", help="processes on this machine (default: one a core)")
     own.add_argument("--cluster", metavar="tcp://HOST:PORT", help="run on the Dask cluster of this scheduler")
@@ -79,6 +83,8 @@ def _run(found: Namespace) -> int:
     if found.workers is not None and found.cluster is not None:
         raise UserError("--workers and --cluster: must be one of them; a cluster brings its own workers")
     plan, out = load_plan(found.plan), Path(found.out)
+    if found.controllers is not None:
+        plan = replace(plan, controllers=_kinds(found.controllers))
     client = None
     if found.cluster is not None:
         from sim.trials.workers import connect
@@ -107,6 +113,27 @@ def _run(found: Namespace) -> int:
     return 0
 
 
+def _kinds(text: str) -> tuple[str, ...]:
+    """Kinds of controller from text with commas between them, or "all".
+
+    Raises:
+        UserError: one is not known, given twice, or there is none.
+    """
+    from sim.scenario import Scenario
+    from sim.settings import spec_at
+
+    legal = spec_at(Scenario(), "controller.kind").choices
+    kinds = legal if text == "all" else tuple(word.strip() for word in text.split(","))
+    for kind in kinds:
+        if kind not in legal:
+            near = difflib.get_close_matches(kind, legal, n=1)
+            guess = f"did you mean {near[0]}? Legal" if near else "legal"
+            raise UserError(f"--controllers {text}: no controller {kind!r}; {guess}: all, or of {', '.join(legal)}")
+        if kinds.count(kind) > 1:
+            raise UserError(f"--controllers {text}: {kind} is given twice; must be once each")
+    return tuple(kinds)
+
+
 def _finish(results: "Results", out: Path) -> None:
     from sim.trials.report import write_report
     from sim.trials.summary import summarise
@@ -114,6 +141,30 @@ def _finish(results: "Results", out: Path) -> None:
     page = write_report(results, out)
     print(summarise(results))
     print(f"page: {page}")
+
+
+def _sub_parser(name: str, usage: str) -> flags.Parser:
+    parser = flags.Parser(prog=f"cmpc trials {name}", usage=f"cmpc trials {name} {usage}")
+    # argparse's own action, which prints and leaves before it asks for what is missing
+    parser.add_argument("-h", "--help", action="help", help="show this")
+    return parser
+
+
+def _bench(argv: Sequence[str]) -> int:
+    parser = _sub_parser("bench", "[options]")
+    parser.add_argument("--controllers", metavar="LIST", default="c-mpc,zd-pd", help="kinds with commas, or all")
+    parser.add_argument("--trials", type=int, metavar="INT", default=40, help="trials for each figure")
+    parser.add_argument("--json", action="store_true", help="print the figures as one JSON object")
+    found = parser.parse(argv)
+    if found.trials < LEAST_TRIALS:
+        raise UserError(f"--trials = {found.trials}: must be {LEAST_TRIALS} or above")
+
+    from sim.commands.bench import show
+    from sim.trials.bench import benchmark
+
+    kinds = _kinds(found.controllers)
+    show(benchmark(kinds, found.trials, lambda line: print(line, file=sys.stderr, flush=True)), as_json=found.json)
+    return 0
 
 
 def _open(folder: str) -> "Results":
@@ -125,7 +176,7 @@ def _open(folder: str) -> "Results":
 
 
 def _report(argv: Sequence[str]) -> int:
-    parser = flags.Parser(prog="cmpc trials report", usage="cmpc trials report DIR")
+    parser = _sub_parser("report", "DIR")
     parser.add_argument("folder", metavar="DIR")
     folder = parser.parse(argv).folder
     _finish(_open(folder), Path(folder))
@@ -133,7 +184,7 @@ def _report(argv: Sequence[str]) -> int:
 
 
 def _show(argv: Sequence[str]) -> int:
-    parser = flags.Parser(prog="cmpc trials show", usage="cmpc trials show DIR --trial ID")
+    parser = _sub_parser("show", "DIR --trial ID")
     parser.add_argument("folder", metavar="DIR")
     parser.add_argument("--trial", metavar="CONTROLLER/NUMBER", required=True)
     found = parser.parse(argv)

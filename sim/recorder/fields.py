@@ -24,6 +24,7 @@ LEGS = ("left", "right")
 
 STATUSES = (
     "other", "zd-pd", "optimal", "no-solution", "solver-error", "second-solver", "prediction-diverged", "suboptimal",
+    "relaxed",
 )  # fmt: skip
 """Code of a status -> `ControlStep.status`. A status not listed here is logged as "other", its text as an
 event. Codes are part of the file format: append, never reorder."""
@@ -119,8 +120,8 @@ CONTROL = ChannelTable(
         *_group("observation.q", COORDINATES, "rad", "measured joint angle; absolute angle of the torso"),
         *_group("observation.dq", COORDINATES, "rad/s", "measured rate"),
         *_group("observation.contact", LEGS, "", "contact sensor of the foot", Kind.BOOL),
-        *_group("u_zd", JOINTS, "N.m", "ZD+PD share of the commanded torque, before saturation"),
-        *_group("u_mpc", JOINTS, "N.m", "MPC share of the commanded torque"),
+        *_group("u_zd", JOINTS, "N.m", "ZD+PD share of the commanded torque, before saturation; else feed-forward"),
+        *_group("u_mpc", JOINTS, "N.m", "MPC share of the commanded torque; else what is not feed-forward"),
         *_group("u_total", JOINTS, "N.m", "commanded torque"),
         *_group("y", OUTPUTS, "rad", "output q_i - h_d,i(theta)"),
         *_group("dy", OUTPUTS, "rad/s", "rate of the output"),

@@ -142,11 +142,15 @@ def run_plan(
         if restart:
             set_aside(folder)
         store = Store(folder / FILE, write=True)
-        _check_plan(plan, store, folder)
-        logs = folder / LOGS
-        for left_over in logs.glob("*.partial"):
-            left_over.unlink()
-        return _run(plan, store, logs, execute, report, stop)
+        try:
+            _check_plan(plan, store, folder)
+            logs = folder / LOGS
+            for left_over in logs.glob("*.partial"):
+                left_over.unlink()
+            return _run(plan, store, logs, execute, report, stop)
+        except BaseException:
+            store.close()
+            raise
 
 
 def cores() -> int:

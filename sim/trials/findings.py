@@ -1,14 +1,14 @@
 """What the results of each study say: margins, grid lines, survival rates. No pictures, no pages."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from sim.trials import stats
 from sim.trials.axis import Value, label, spec_of
 from sim.trials.campaign import Results
 from sim.trials.grid import GridStudy
-from sim.trials.margin import Margin, MarginAxis, MarginStudy, margin
+from sim.trials.margin import Margin, MarginAxis, MarginStudy, margin, next_positions
 from sim.trials.montecarlo import MonteCarloStudy
 from sim.trials.result import TrialResult
 
@@ -24,6 +24,7 @@ class Side:
         sign: -1 below the nominal value, 1 above.
         limit: Outermost value tried.
         margin: What it holds.
+        fall: The first trial that falls, None if everything tried is held.
     """
 
     axis: MarginAxis
@@ -32,6 +33,7 @@ class Side:
     sign: int
     limit: float
     margin: Margin
+    fall: TrialResult | None
 
     @property
     def share(self) -> float:
@@ -47,14 +49,16 @@ class Side:
 
     @property
     def typical_errors(self) -> float | None:
-        """The margin as a multiple of the deviation to expect of a machine; None if the plan names none."""
+        """The first value that falls, or the limit, in deviations to expect of a machine; None if the plan names none.
+
+        The value that falls, not the last one held: that is the nominal one where the lattice is coarse.
+        """
         if not self.axis.typical:
             return None
-        if self.margin.value is None:
-            return 0.0
+        value = self.limit if self.margin.fell_at is None else self.margin.fell_at
         if self.axis.scale == "log":
-            return abs(math.log(self.margin.value / self.axis.nominal)) / math.log(self.axis.typical)
-        return abs(self.margin.value - self.axis.nominal) / self.axis.typical
+            return abs(math.log(value / self.axis.nominal)) / math.log(self.axis.typical)
+        return abs(value - self.axis.nominal) / self.axis.typical
 
     @property
     def whole(self) -> bool:
@@ -63,7 +67,7 @@ class Side:
 
 
 def sides(results: Results, study: MarginStudy) -> Iterator[Side]:
-    """Every side of every axis for every controller that has results."""
+    """Every side of every axis whose search is finished, for every controller."""
     start = next(start for start, other in results.plan.offsets() if other is study)
     for number, axis in enumerate(study.axes):
         low, high = axis.ends
@@ -73,20 +77,22 @@ def sides(results: Results, study: MarginStudy) -> Iterator[Side]:
             if limit == 0:
                 continue
             for controller in results.plan.controllers:
-                rows = results.store.results(controller, zero + low, zero + high + 1)
-                reasons = {row.trial - zero: row.why for row in rows}
-                if reasons:
+                trials = results.store.results(controller, zero + low, zero + high + 1)
+                rows = {row.trial - zero: row for row in trials}
+                if not next_positions(axis, sign, {position: row.survived for position, row in rows.items()}):
+                    found = margin(axis, sign, {position: row.why for position, row in rows.items()})
                     yield Side(
                         axis=axis,
                         unit=spec_of(axis, results.plan.scenario).unit,
                         controller=controller,
                         sign=sign,
                         limit=axis.value(limit),
-                        margin=margin(axis, sign, reasons),
+                        margin=found,
+                        fall=None if found.fell_position is None else rows[found.fell_position],
                     )
 
 
-def weakest(found: list[Side], controller: str) -> list[Side]:
+def weakest(found: Sequence[Side], controller: str) -> list[Side]:
     """Sides of a controller that break, weakest first: by typical errors held where the plan names them."""
     broken = [side for side in found if side.controller == controller and not side.whole]
     return sorted(broken, key=lambda side: (side.typical_errors is None, side.typical_errors or 0.0, side.share))
@@ -115,13 +121,17 @@ class RandomFindings:
 
     Attributes:
         rates: Survival of each controller.
-        pairs: (first controller, second controller, their paired comparison).
+        reference: The plan's first controller, to which the others are compared.
+        pairs: Paired comparison of the reference with each other controller, by its name.
+        p: Its p-value, adjusted by Holm's method for the number of comparisons.
         attributions: For each controller, the axes that explain its falls, strongest first.
         results: Its results by controller.
     """
 
     rates: tuple[Rate, ...]
-    pairs: tuple[tuple[str, str, stats.Paired], ...]
+    reference: str
+    pairs: dict[str, stats.Paired]
+    p: dict[str, float]
     attributions: dict[str, tuple[stats.Attribution, ...]]
     results: dict[str, list[TrialResult]]
 
@@ -132,13 +142,12 @@ def random_findings(results: Results, study: MonteCarloStudy) -> RandomFindings:
     found = {c: list(results.store.results(c, start, start + study.size)) for c in results.plan.controllers}
     found = {controller: rows for controller, rows in found.items() if rows}
     rates = tuple(_rate(controller, rows) for controller, rows in found.items())
-    pairs = []
-    names = list(found)
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            others = {row.trial: row.survived for row in found[b]}
-            both = [(row.survived, others[row.trial]) for row in found[a] if row.trial in others]
-            pairs.append((a, b, stats.mcnemar(both)))
+    reference, *others = list(found) or [""]
+    first = {row.trial: row.survived for row in found.get(reference, ())}
+    pairs = {
+        other: stats.mcnemar([(first[row.trial], row.survived) for row in found[other] if row.trial in first])
+        for other in others
+    }
     attributions = {
         controller: tuple(
             sorted(
@@ -152,7 +161,8 @@ def random_findings(results: Results, study: MonteCarloStudy) -> RandomFindings:
         )
         for controller, rows in found.items()
     }
-    return RandomFindings(rates=rates, pairs=tuple(pairs), attributions=attributions, results=found)
+    p = dict(zip(pairs, stats.holm([pair.p for pair in pairs.values()]), strict=True))
+    return RandomFindings(rates=rates, reference=reference, pairs=pairs, p=p, attributions=attributions, results=found)
 
 
 def _rate(controller: str, rows: list[TrialResult]) -> Rate:

@@ -44,7 +44,7 @@ class MarginAxis:
     high: float
     tolerance: Annotated[float, POSITIVE]
     scale: Literal["linear", "log"] = "linear"
-    scan: Annotated[int, Unit("values"), AT_LEAST_ONE] = 5
+    scan: Annotated[int, Unit("values"), AT_LEAST_ONE] = 3
     typical: float = 0.0
 
     @property
@@ -162,6 +162,7 @@ class Margin:
     Attributes:
         value: Largest value survived without a fall before it; None if the nominal one falls.
         fell_at: First value that falls; None if every value up to the limit is survived.
+        fell_position: Its lattice position.
         reason: Why it falls.
         again: Values beyond the first fall that are survived: survival is not monotone on this side.
         trials: Number of trials it took.
@@ -169,6 +170,7 @@ class Margin:
 
     value: float | None
     fell_at: float | None
+    fell_position: int | None
     reason: str
     again: tuple[float, ...]
     trials: int
@@ -188,6 +190,7 @@ def margin(axis: MarginAxis, side: int, reasons: Mapping[int, str]) -> Margin:
     return Margin(
         value=None if held is None else axis.value(held),
         fell_at=None if fell is None else axis.value(fell),
+        fell_position=fell,
         reason="" if fell is None else here[fell],
         again=tuple(axis.value(p) for p in sorted(again, key=abs)),
         trials=len(here),

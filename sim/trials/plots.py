@@ -1,4 +1,4 @@
-"""The plots of a campaign: margins, grids, survival rates, what explains the falls."""
+"""The plots of a campaign: margins, grids, survival rates, what breaks, what explains the falls."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,6 +13,18 @@ from sim.trials.svg import label as text
 
 BAR = 11.0  # height of a bar
 
+CAUSE_COLOURS = {
+    "start": "#9aa1a9",
+    "clearance": "#8d6e4a",
+    "friction": "#3f9aa8",
+    "contact": "#5b78c7",
+    "energy": "#d8a31f",
+    "prediction": "#8a5fbf",
+    "torque": "#c8442f",
+    "unclear": "#c9ced4",
+}
+"""Of the first words of `sim.trials.cause.Cause`."""
+
 
 def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> str:
     """One axis: a bar to either side for each controller, as long as the share of the tried range it holds.
@@ -20,7 +32,7 @@ def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> str:
     A bar that ends in a line broke there; one that fills its track held all that was tried; a ring marks a
     value that is survived beyond the first fall.
     """
-    half, height = 150.0, 6.0 + (BAR + 3) * len(controllers)
+    half, height = 120.0, 6.0 + (BAR + 3) * len(controllers)
     parts = []
     signs = {side.sign for side in sides}
     for row, controller in enumerate(controllers):
@@ -46,7 +58,7 @@ def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> str:
 
 
 def side_title(side: Side) -> str:
-    """One side in words: what it holds, where and why it falls, whether survival comes back."""
+    """One side in words: what it holds, where and how it falls, whether survival comes back."""
     m, unit = side.margin, side.unit
     words = f"{side.controller}: "
     words += "falls at the nominal value" if m.value is None else f"holds {m.value:.4g} {unit}"
@@ -54,6 +66,57 @@ def side_title(side: Side) -> str:
     if m.again:
         words += f"; survives again at {', '.join(f'{value:.4g}' for value in m.again)} {unit}"
     return words
+
+
+def cause_bars(falls: Mapping[str, Mapping[str, int]], title: str) -> str:
+    """What broke, a bar for each controller, as long as it has falls.
+
+    Args:
+        falls: Number of falls by controller and by cause (the value of a `sim.trials.cause.Cause`).
+        title: What the falls are those of.
+    """
+    left, width = 90.0, 560.0
+    most = max((sum(counts.values()) for counts in falls.values()), default=0) or 1
+    order = list(CAUSE_COLOURS)
+    parts = []
+    for row, (controller, counts) in enumerate(falls.items()):
+        y, x = 4.0 + 24.0 * row, left
+        parts.append(text(left - 6, y + 12, controller, text_anchor="end"))
+        for place, cause in sorted((order.index(cause.split(":")[0]), cause) for cause in counts):
+            part, colour = width * counts[cause] / most, CAUSE_COLOURS[order[place]]
+            shape = element("rect", x=x, y=y, width=max(0.5, part - 1), height=16.0, fill=colour)
+            if part > 18:
+                shape += text(x + part / 2, y + 12, str(counts[cause]), text_anchor="middle", fill="#fff")
+            parts.append(titled(shape, f"{controller}: {counts[cause]} falls, {cause}"))
+            x += part
+        parts.append(text(x + 8, y + 12, f"{sum(counts.values())} falls", fill=GREY))
+    return picture(left + width + 80, 8 + 24 * len(falls), parts, f"what breaks, {title}")
+
+
+def paired_bars(found: RandomFindings) -> str:
+    """Draws that only one of two survives: to the left the reference, to the right the other."""
+    left, half = 90.0, 170.0
+    middle = left + half + 40
+    most = max((max(pair.first, pair.second) for pair in found.pairs.values()), default=0) or 1
+    names = list(found.results)
+    parts = [
+        text(middle - 4, 11, f"only {found.reference} survives", fill=GREY, font_size=10, text_anchor="end"),
+        text(middle + 4, 11, "only it survives", fill=GREY, font_size=10),
+    ]
+    for row, (other, pair) in enumerate(found.pairs.items()):
+        y = 18.0 + 24 * row
+        parts.append(text(left - 6, y + 12, other, text_anchor="end"))
+        for value, sign, colour in (
+            (pair.first, -1, COLOURS[0]),
+            (pair.second, 1, COLOURS[names.index(other) % len(COLOURS)]),
+        ):
+            width = half * value / most
+            parts.append(element("rect", x=middle - width * (sign < 0), y=y, width=width, height=16.0, fill=colour))
+            at, anchor = middle + sign * (width + 5), "start" if sign > 0 else "end"
+            parts.append(text(at, y + 12, str(value), text_anchor=anchor))
+    bottom = 20.0 + 24 * len(found.pairs)
+    parts.append(element("line", x1=middle, x2=middle, y1=15.0, y2=bottom, stroke=INK))
+    return picture(middle + half + 40, bottom + 2, parts, f"draws that only one survives, against {found.reference}")
 
 
 def grid_map(axes: Sequence[GridAxis], rows: Mapping[int, TrialResult], title: str) -> str:
@@ -109,7 +172,7 @@ def _value(value: Value) -> str:
 
 def rate_bars(found: RandomFindings) -> str:
     """Survival of each controller with its 95 % interval."""
-    width, left, rows = 360.0, 70.0, len(found.rates)
+    width, left, rows = 360.0, 90.0, len(found.rates)
     parts = []
     for row, rate in enumerate(found.rates):
         y = 4.0 + row * 24

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sim.trials.axis import Value
+from sim.trials.cause import decisive
 
 TIMING = ("wall_s", "solve_median_ms", "solve_p99_ms", "solve_max_ms", "tick_median_ms")
 """Fields of a result that differ from run to run; all others depend on plan, controller and index alone."""
@@ -47,6 +48,8 @@ class TrialResult:
         tick_median_ms: Median controller time in [ms].
         wall_s: Wall time of the trial in [s].
         log: Name of the log in the results' folder, empty if none was kept.
+        cause: What finally broke, the value of a `sim.trials.cause.Cause`; empty unless it fell.
+        evidence: Fields of the `sim.trials.cause.Evidence` for it, as JSON.
     """
 
     controller: str
@@ -79,12 +82,19 @@ class TrialResult:
     tick_median_ms: float | None = None
     wall_s: float = 0.0
     log: str = ""
+    cause: str = ""
+    evidence: str = ""
 
     @property
     def axis_values(self) -> Mapping[str, Value]:
         """Values of the study's axes by name."""
         found: dict[str, Value] = json.loads(self.values)
         return found
+
+    @property
+    def proof(self) -> str:
+        """The figures that speak for the cause, in words; empty where there is no cause."""
+        return decisive(self.cause, json.loads(self.evidence)) if self.cause else ""
 
     @property
     def why(self) -> str:

@@ -54,6 +54,15 @@ def mcnemar(pairs: Sequence[tuple[bool, bool]]) -> Paired:
     return Paired(both=both, first=first, second=second, neither=len(pairs) - both - differ, p=p)
 
 
+def holm(p: Sequence[float]) -> list[float]:
+    """p-values of several tests, adjusted by Holm's step-down method: each holds for the whole family of tests."""
+    found, largest = [0.0] * len(p), 0.0
+    for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
+        largest = max(largest, min(1.0, (len(p) - rank) * p[i]))
+        found[i] = largest
+    return found
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attribution:
     """How far one axis explains the falls.

@@ -21,8 +21,11 @@ from sim.trials import plan as plans
 from sim.trials.plan import Plan
 from sim.trials.result import TrialResult
 
-VERSION = 1
-"""Version of the tables. A newer one than this is refused."""
+VERSION = 2
+"""Version of the tables; no other is read."""
+
+LOG_PAGES = 100
+"""Pages of the write-ahead log, of 4 KiB, after which it is folded into the file; a result takes two or three."""
 
 FILE = "results.sqlite"
 LOGS = "logs"
@@ -67,12 +70,11 @@ class Store:
             if write:
                 self._db.execute("PRAGMA journal_mode = WAL")
                 self._db.execute("PRAGMA synchronous = NORMAL")
+                self._db.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
-            if version > VERSION:
-                raise UserError(
-                    f"{path}: results of version {version}; this program reads up to {VERSION}: use a newer one, "
-                    "or another --out"
-                )
+            if version not in (0, VERSION):
+                advice = "use a newer one, or another --out" if version > VERSION else "run them again, with --restart"
+                raise UserError(f"{path}: results of version {version}; this program reads {VERSION}: {advice}")
             if version == 0:
                 self._create()
 
@@ -90,8 +92,10 @@ class Store:
     def _as_user_error(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.DatabaseError as error:
+        except sqlite3.OperationalError as error:
             raise UserError(f"{self._where}: {error}; results so far are kept") from error
+        except sqlite3.DatabaseError as error:
+            raise UserError(f"{self._where}: {error}: must be the results of a campaign") from error
 
     def plan(self) -> Plan | None:
         """The plan the results belong to, None before there is one."""
@@ -147,7 +151,7 @@ class Store:
             return {name: (survived, done) for name, survived, done in self._db.execute(query)}
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; the write-ahead log is folded into it and goes."""
         self._db.close()
 
     def __enter__(self) -> Self:

@@ -1,6 +1,7 @@
 """Results in words for the terminal."""
 
 import dataclasses
+import json
 
 from sim.trials.axis import label
 from sim.trials.campaign import Results
@@ -9,33 +10,36 @@ from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy
 from sim.trials.result import TrialResult
 
-_UNITS = {"_Nm": " N.m", "_N": " N", "_m_s": " m/s", "_ms": " ms", "_s": " s", "_m": " m", "_rad": " rad"}
+DIRECTIONS = {-1: "down", 1: "up"}
+_UNITS = {
+    "_Nm": " N.m",
+    "_N": " N",
+    "_rad_s": " rad/s",
+    "_m_s": " m/s",
+    "_ms": " ms",
+    "_s": " s",
+    "_m": " m",
+    "_rad": " rad",
+}
 
 
 def describe(result: TrialResult) -> str:
     """One trial, a line a figure."""
     lines = [f"trial {result.controller}/{result.trial} of study {result.study}"]
-    lines += [
-        f"  {name:<24}{value:g}" if isinstance(value, float) else f"  {name:<24}{value}"
-        for name, value in result.axis_values.items()
-    ]
-    for field in dataclasses.fields(result):
-        value = getattr(result, field.name)
-        if field.name in ("controller", "trial", "study", "values") or value in (None, ""):
-            continue
-        unit = next((unit for end, unit in _UNITS.items() if field.name.endswith(end)), "")
-        stem = next((field.name.removesuffix(end) for end in _UNITS if field.name.endswith(end)), field.name)
-        shown = (
-            f"{value:.4g}"
-            if isinstance(value, float)
-            else "yes"
-            if value is True
-            else "no"
-            if value is False
-            else str(value)
-        )
-        lines.append(f"  {stem.replace('_', ' '):<24}{shown}{unit}")
+    lines += [f"  {name:<24}{_shown(value)}" for name, value in result.axis_values.items()]
+    figures = {field.name: getattr(result, field.name) for field in dataclasses.fields(result)}
+    evidence = json.loads(figures.pop("evidence") or "{}")
+    for name, value in (figures | evidence).items():
+        if name not in ("controller", "trial", "study", "values") and value not in (None, ""):
+            end = next((end for end in _UNITS if name.endswith(end)), "")
+            lines.append(f"  {name.removesuffix(end).replace('_', ' '):<24}{_shown(value)}{_UNITS.get(end, '')}")
     return "\n".join(lines)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def summarise(results: Results) -> str:
@@ -56,9 +60,10 @@ def summarise(results: Results) -> str:
                     f"{study.name}: {rate.controller} survives {rate.survived} of {rate.trials}, "
                     f"{100 * rate.survived / rate.trials:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
                 )
-            for a, b, pair in found.pairs:
+            for other, pair in found.pairs.items():
                 lines.append(
-                    f"{study.name}: only {a} survives {pair.first}, only {b} {pair.second}; McNemar p = {pair.p:.2g}"
+                    f"{study.name}: only {found.reference} survives {pair.first}, only {other} {pair.second}; "
+                    f"McNemar p = {found.p[other]:.2g}"
                 )
             for controller, axes in found.attributions.items():
                 if axes and axes[0].strength > 0:
@@ -81,9 +86,13 @@ def _margins(results: Results, study: MarginStudy) -> list[str]:
 
 
 def side_words(side: Side) -> str:
-    """An axis, its direction and what it holds."""
-    value = side.margin.value
-    held = "not even the nominal value" if value is None else f"{value:.4g} {side.unit}".strip()
+    """An axis, its direction, where it falls first, how much that is for a machine, and what breaks."""
+    where = f"{label(side.axis)} {DIRECTIONS[side.sign]}"
+    if side.whole:
+        return f"{where}: holds all that was tried"
+    why = f"; {side.fall.cause}" if side.fall and side.fall.cause else ""
+    if side.margin.value is None:
+        return f"{where}: falls at the nominal value{why}"
     errors = side.typical_errors
     times = f", {errors:.2g} times what is typical" if errors is not None else ""
-    return f"{label(side.axis)} {'down' if side.sign < 0 else 'up'}: {held}{times}"
+    return f"{where}: falls at {side.margin.fell_at:.4g} {side.unit}".rstrip() + times + why

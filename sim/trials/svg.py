@@ -3,7 +3,7 @@
 import html
 from collections.abc import Sequence
 
-COLOURS = ("#1f6fb2", "#d9722a", "#2f9e6e", "#8a5fbf")
+COLOURS = ("#1f6fb2", "#d9722a", "#2f9e6e", "#8a5fbf", "#b8962e", "#c2608f")
 """Of the controllers, in the plan's order."""
 
 GREY, LIGHT, INK = "#9aa1a9", "#eef0f2", "#22272d"

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from sim.errors import UserError
+from sim.interface import JOINTS
+from sim.loop import Tape
 from sim.outcome import Outcome, RunSummary
 from sim.scenario import Scenario
 from sim.trials.axis import Value, changes, label, scenario_at
@@ -23,6 +25,7 @@ from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy
 from sim.trials.plan import Plan
 from sim.trials.result import TrialResult
+from sim.trials.witness import Witness
 
 WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
 LONGEST_MESSAGE = 300  # characters of an exception that a result keeps
@@ -120,7 +123,9 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         scenario = trial_scenario(plan, spec.controller, index)
         _warm_up(scenario.walker, scenario.gait, scenario.controller.kind, scenario.controller.solver)
         began = time.perf_counter()
-        summary, log = _run(scenario, spec, began + plan.wall_limit)
+        witness = Witness(scenario.controller.period)
+        summary, log = _run(scenario, spec, began + plan.wall_limit, witness)
+        figures = _figures(summary) | _cause(summary, witness)
     except Exception as error:
         if _disk_full(error):
             raise UserError(f"{spec.logs}: the disk is full; free some and give the same command again") from error
@@ -128,7 +133,6 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         wall = time.perf_counter() - began
         failed: dict[str, Any] = {"outcome": Outcome.ERROR.value, "survived": False, "message": message}
         return TrialResult(**identity, study=study, values=values, wall_s=wall, **failed)
-    figures = _figures(summary)
     return TrialResult(**identity, study=study, values=values, wall_s=time.perf_counter() - began, log=log, **figures)
 
 
@@ -151,7 +155,7 @@ def _warm_up(walker: str, gait: str, kind: str, solver: str) -> None:
     run_scenario(scenario_at(Scenario(), changes | push), belief=known_belief(walker, gait))
 
 
-def _run(scenario: Scenario, spec: TrialSpec, deadline: float) -> tuple[RunSummary, str]:
+def _run(scenario: Scenario, spec: TrialSpec, deadline: float, tape: Tape) -> tuple[RunSummary, str]:
     """Run the scenario; keep its log if the plan asks for it.
 
     A log grows under a name of its own and gets its final one when it is complete, so that a killed campaign
@@ -167,13 +171,13 @@ def _run(scenario: Scenario, spec: TrialSpec, deadline: float) -> tuple[RunSumma
 
     always = plan.log_every > 0 and spec.index % plan.log_every == 0
     if spec.logs is None or not (always or plan.logs == "falls"):
-        return run_scenario(scenario, stop=stop, belief=belief), ""
+        return run_scenario(scenario, stop=stop, belief=belief, tape=tape), ""
     folder = Path(spec.logs)
     folder.mkdir(parents=True, exist_ok=True)
     name = f"{spec.controller}-{spec.index}.mcap"
     growing = folder / f"{name}.{os.getpid()}-{threading.get_ident()}.partial"
     try:
-        summary = run_scenario(scenario, stop=stop, log=growing, belief=belief)
+        summary = run_scenario(scenario, stop=stop, log=growing, belief=belief, tape=tape)
         if always or summary.outcome == Outcome.FELL.value:
             os.replace(growing, folder / name)
             return summary, name
@@ -216,6 +220,15 @@ def _figures(summary: RunSummary) -> dict[str, Any]:
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in figures.items()
     }
+
+
+def _cause(summary: RunSummary, witness: Witness) -> dict[str, str]:
+    """What broke, as fields of a result; nothing for a run that did not fall."""
+    if summary.outcome != Outcome.FELL.value:
+        return {}
+    limits = np.array([summary.torque_limit_Nm.get(joint, math.inf) for joint in JOINTS])
+    cause, evidence = witness.verdict(limits)
+    return {"cause": cause.value, "evidence": evidence.to_json()}
 
 
 def work(spec: TrialSpec) -> TrialResult:

@@ -1,0 +1,88 @@
+"""The dynamics of the outputs, which both rivals control in place of the walker's: ddy = L_f^2 h + L_g L_f h u."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller import kernels
+from controller.gait import Gait
+from controller.kernels import compiled
+from controller.model import WalkerModel
+from controller.records import Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OutputDynamics:
+    """Eq. (6) at one state, and the stance force that goes with it; stance order.
+
+    Attributes:
+        theta: Clock in [rad].
+        dtheta: Its rate in [rad/s].
+        y: Outputs in [rad], (4,).
+        dy: Their rates in [rad/s], (4,).
+        drift: L_f^2 h in [rad/s^2], (4,).
+        decoupling: L_g L_f h in [rad/s^2/(N.m)], (4, 4).
+        force: Stance force under no torque, (tangential, normal) in [N], (2,).
+        force_per_torque: Its change per torque in [1/m], (2, 4).
+    """
+
+    theta: float
+    dtheta: float
+    y: Vector
+    dy: Vector
+    drift: Vector
+    decoupling: Vector
+    force: Vector
+    force_per_torque: Vector
+
+    def torque(self, v: Vector) -> Vector:
+        """The torque in [N.m], (4,), that makes ddy = v in [rad/s^2], (4,); Eq. (7)."""
+        return np.linalg.solve(self.decoupling, v - self.drift).astype(float)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether no number has overflowed."""
+        return bool(np.isfinite(self.drift).all() and np.isfinite(self.decoupling).all())
+
+
+def output_dynamics(model: WalkerModel, gait: Gait, q: Vector, dq: Vector) -> OutputDynamics:
+    """Eq. (6) at a state.
+
+    Args:
+        model: The walker believed in.
+        gait: The outputs.
+        q: Coordinates in [rad], (5,).
+        dq: Rates in [rad/s], (5,).
+    """
+    theta, dtheta, y, dy, drift, decoupling, force, force_per_torque = _at(model.lumped, gait.table, q, dq)
+    return OutputDynamics(
+        theta=theta,
+        dtheta=dtheta,
+        y=y,
+        dy=dy,
+        drift=drift,
+        decoupling=decoupling,
+        force=force,
+        force_per_torque=force_per_torque,
+    )
+
+
+@compiled
+def _at(walker, gait, q, dq):  # type: ignore[no-untyped-def]
+    """The fields of `OutputDynamics`, in its order."""
+    stage = kernels.new_stage()
+    kernels.place(q, dq, stage)
+    theta, dtheta = kernels.outputs(gait, q, dq, stage)
+    kernels.accelerate(walker, dq, np.zeros(4), stage)
+    kernels.responses(stage)
+    force, force_per_torque = np.empty(2), np.empty((2, 4))
+    kernels.stance_force(walker, stage, force)
+    kernels.stance_force_per_torque(walker, stage, force_per_torque)
+    # dh/dq = [I 0] - h_d' c, as h_0(q) is the four actuated coordinates
+    drift, decoupling = np.empty(4), np.empty((4, 4))
+    for i in range(4):
+        drift[i] = stage.ddq[i] - stage.h1[i] * np.dot(gait.clock, stage.ddq) - stage.h2[i] * dtheta * dtheta
+        for j in range(4):
+            per_torque = stage.BtDinv[j]
+            decoupling[i, j] = per_torque[i] - stage.h1[i] * np.dot(gait.clock, per_torque)
+    return theta, dtheta, stage.y, stage.dy, drift, decoupling, force, force_per_torque

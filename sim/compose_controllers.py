@@ -1,0 +1,197 @@
+"""Part of the composition root: what a controller believes, and the controller a scenario asks for."""
+
+import contextlib
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller import kernels
+from controller.cascade import CascadedMpc, Friction, Weights
+from controller.errors import ControllerInputError
+from controller.gait import Gait, load_gait
+from controller.model import WalkerModel
+from controller.qp import ROWS, Solver
+from controller.solvers import make_solver
+from controller.zero_dynamics import ZeroDynamicsController
+from sim.errors import UserError
+from sim.interface import Controller
+from sim.models import ModelFiles
+from sim.scenario import ControllerSettings, Scenario
+
+if TYPE_CHECKING:
+    from controller.family import GaitFamily
+    from controller.fitting import Follower
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """What the controller knows about the walker.
+
+    Attributes:
+        model: Analytic model.
+        gait: The gait to follow.
+        library: Folder of the gait library.
+    """
+
+    model: WalkerModel
+    gait: Gait
+    library: Path
+
+
+@contextlib.contextmanager
+def _as_user_errors() -> Iterator[None]:
+    try:
+        yield
+    except ControllerInputError as error:
+        raise UserError(str(error)) from error
+
+
+def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
+    """The controller's model and gait.
+
+    Args:
+        scenario: What happens.
+        files: Model files to use instead of those the scenario names.
+
+    Raises:
+        UserError: a file is missing, unreadable or not legal.
+    """
+    files = files or ModelFiles.of(scenario)
+    with _as_user_errors():
+        model = WalkerModel(files.urdf)
+        return Belief(model=model, gait=load_gait(files.gait, model), library=files.library)
+
+
+@functools.lru_cache(maxsize=4)
+def known_belief(walker: str, gait: str) -> Belief:
+    """The controller's model and gait, read once a process: a campaign runs thousands of scenarios."""
+    return load_belief(Scenario(walker=walker, gait=gait))
+
+
+def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
+    """The controller a scenario asks for.
+
+    Args:
+        settings: Its settings.
+        belief: What it knows about the walker.
+        solver: Used instead of the one the settings name.
+
+    Raises:
+        UserError: unknown solver, or no gait library where gaits are fitted.
+    """
+    law = _law(settings, belief, solver)
+    fitting = settings.gait_fitting
+    if not fitting.enabled:
+        return law
+    from controller.fitting import FittingRule, GaitFitting
+
+    rule = FittingRule(
+        share=fitting.share,
+        slower=fitting.slower,
+        faster=fitting.faster,
+        hysteresis=fitting.hysteresis,
+        most=fitting.most,
+    )
+    with _as_user_errors():
+        return GaitFitting(law, belief.model, _family(belief), rule)
+
+
+@functools.lru_cache(maxsize=4)
+def _family(belief: Belief) -> "GaitFamily":
+    from controller.family import GaitFamily
+    from controller.library import GaitLibrary  # only where gaits are fitted
+
+    return GaitFamily.around(belief.gait, GaitLibrary.load(belief.library, belief.model))
+
+
+def _law(settings: ControllerSettings, belief: Belief, solver: Solver | None) -> "Follower":
+    gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
+    if settings.kind == "zd-pd":
+        return ZeroDynamicsController(belief.model, belief.gait, gains)
+    if settings.kind == "c-mpc-ltv":
+        return _ltv_cascade(settings, belief, gains)
+    if settings.kind in ("clf-qp", "output-mpc"):
+        return _rival(settings, belief, gains)
+    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min)
+    with _as_user_errors():
+        return CascadedMpc(
+            belief.model,
+            belief.gait,
+            gains,
+            N=settings.horizon,
+            T=settings.period,
+            weights=_weights(settings, gains),
+            friction=friction if settings.friction_rows else None,
+            solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
+        )
+
+
+def _weights(settings: ControllerSettings, gains: kernels.Gains) -> Weights:
+    """The paper's cost with the factors a scenario puts on it."""
+    paper, factors = Weights.of_paper(gains, settings.period), settings.weights
+    return Weights(
+        Q_position=np.array(factors.output) * paper.Q_position,
+        Q_velocity=np.array(factors.output_rate) * paper.Q_velocity,
+        R=np.array(factors.torque) * paper.R,
+    )
+
+
+def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> "Follower":
+    from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
+
+    ltv = settings.ltv
+    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=ltv.force_penalty)
+    return LtvCascade(
+        belief.model,
+        belief.gait,
+        gains,
+        period=settings.period,
+        stages=ltv.stages,
+        stage_time=ltv.stage_time,
+        substeps=ltv.substeps,
+        weights=LtvWeights(
+            output=ltv.output,
+            output_calm=ltv.output_calm,
+            calm=ltv.calm,
+            output_rate=ltv.output_rate,
+            clock_rate=ltv.clock_rate,
+            torque=ltv.torque,
+            last=ltv.last,
+            torque_penalty=ltv.torque_penalty,
+        ),
+        friction=friction if settings.friction_rows else None,
+        slope_memory=ltv.slope_memory,
+    )
+
+
+def _rival(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> "Follower":
+    from controller.rivals.clf_qp import ClfQp, Lyapunov
+    from controller.rivals.law import Law, OutputController
+    from controller.rivals.output_mpc import OutputMpc
+
+    limit = belief.model.torque_limits
+    law: Law
+    if settings.kind == "clf-qp":
+        clf = settings.clf
+        friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=clf.force_penalty)
+        law = ClfQp(
+            Lyapunov.rapid(clf.epsilon),
+            penalty=clf.penalty,
+            limit=limit,
+            friction=friction if settings.friction_rows else None,
+        )
+    else:
+        mpc = settings.output_mpc
+        law = OutputMpc(
+            N=mpc.stages,
+            T=mpc.stage_time,
+            output=mpc.output,
+            output_rate=mpc.output_rate,
+            limit=limit,
+            period=settings.period,
+        )
+    return OutputController(belief.model, belief.gait, gains, law)

@@ -1,0 +1,66 @@
+"""What trials cost on this machine: CPU time of one, trials a second, and what a second worker brings."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+
+from sim.bench import Figure
+from sim.scenario import Scenario
+from sim.trials.campaign import Progress, cores, run_plan
+from sim.trials.montecarlo import MonteCarloStudy, RandomAxis
+from sim.trials.plan import Plan
+
+STEPS = 5
+TARGETS = {"c-mpc": ">= 3", "zd-pd": ">= 10"}
+"""Trials a second asked for on two cores."""
+
+Say = Callable[[str], None]
+
+
+def benchmark(controllers: tuple[str, ...], trials: int, say: Say) -> list[Figure]:
+    """Measure each controller on walks of five steps that it survives.
+
+    Args:
+        controllers: Kinds of controller.
+        trials: Trials for each measurement; those that warm the workers up are not counted.
+        say: Told what is measured next.
+    """
+    workers = min(2, cores())
+    figures = []
+    for kind in controllers:
+        say(f"{kind}: {trials} trials in this process, {trials} in {workers} others")
+        plan = _plan(kind, trials)
+        one, cpu = _rate(plan, 1)
+        figures += [
+            Figure(name=f"{kind}, CPU time of a trial", value=cpu, unit="s"),
+            Figure(name=f"{kind}, 1 worker", value=one, unit="trials/s"),
+        ]
+        if workers > 1:
+            both, _ = _rate(plan, workers)
+            target = TARGETS.get(kind, "")
+            figures += [
+                Figure(name=f"{kind}, {workers} workers", value=both, unit="trials/s", target=target),
+                Figure(name=f"{kind}, efficiency of {workers} workers", value=both / (workers * one), unit="x",
+                       target=">= 0.9"),
+            ]  # fmt: skip
+    return figures
+
+
+def _plan(kind: str, trials: int) -> Plan:
+    """Small errors of the torso's mass: each trial builds a plant of its own and walks to the end."""
+    axis = RandomAxis(paths=("plant.mass_factor.torso",), distribution="uniform", low=0.95, high=1.05)
+    study = MonteCarloStudy(trials=trials, axes=(axis,))
+    return Plan(controllers=(kind,), scenario=dataclasses.replace(Scenario(), steps=STEPS), montecarlo=(study,))
+
+
+def _rate(plan: Plan, workers: int) -> tuple[float, float]:
+    """Trials a second once all workers are warm, and CPU time of this process for each in [s]."""
+    seen: list[tuple[float, float]] = []
+
+    def look(progress: Progress) -> None:
+        seen.append((time.perf_counter(), time.process_time()))
+
+    run_plan(plan, workers=workers, report=look)
+    (wall_0, cpu_0), (wall_1, cpu_1) = seen[workers - 1], seen[-1]
+    counted = len(seen) - workers
+    return counted / (wall_1 - wall_0), (cpu_1 - cpu_0) / counted

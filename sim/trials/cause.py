@@ -1,0 +1,102 @@
+"""What can break in a trial that falls, and the figures that speak for it."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+
+class Cause(Enum):
+    """What breaks; the value is what users read."""
+
+    START = "start: a foot begins in the ground"
+    TRIP = "clearance: the swing foot meets the ground"
+    SLIP = "friction: the stance foot slides"
+    FLIGHT = "contact: both feet leave the ground"
+    STALL = "energy: the clock stands still"
+    LATE = "prediction: the foot lands later than foreseen"
+    TORQUE = "torque: a joint is at its limit"
+    SOLVER = "prediction: the controller falls back"
+    TRACKING = "prediction: the outputs are lost, torque to spare"
+    UNCLEAR = "unclear: none of the symptoms lasts"
+
+    @property
+    def word(self) -> str:
+        """The value's first word."""
+        return self.value.split(":")[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Figures of the time around the beginning of a fall, `sim.trials.witness.WINDOW` to either side.
+
+    Attributes:
+        began_s: When the fall began, in simulated time, in [s].
+        lasted_s: Time from there to the end of the run in [s].
+        torque_share: Share of the time in which some joint was at its limit.
+        joint: The joint that was there longest, empty if none was.
+        flight_share: Share of the time with both feet off the ground.
+        slip_m: Distance the stance foot slid in [m].
+        scuff_s: Time the swing foot touched the ground where no step is, in [s].
+        clock_min_rad_s: Least rate of the clock in [rad/s].
+        clock_max_rad_s: Its largest rate in [rad/s].
+        late_s: Largest time since the landing was due that the controller had foreseen, in [s]; 0 if none was.
+        s_max: Largest normalised clock; a foot should have landed at 1.
+        output_max_rad: Largest output in [rad].
+        fallback_share: Share of the time in which the controller fell back.
+        sunk_m: Depth of the lower foot in the ground at the start of the run in [m].
+    """
+
+    began_s: float
+    lasted_s: float
+    torque_share: float
+    joint: str
+    flight_share: float
+    slip_m: float
+    scuff_s: float
+    clock_min_rad_s: float
+    clock_max_rad_s: float
+    late_s: float
+    s_max: float
+    output_max_rad: float
+    fallback_share: float
+    sunk_m: float
+
+    def to_json(self) -> str:
+        """As one line of JSON, figures to four digits; what is not finite becomes null."""
+        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return json.dumps({name: _rounded(value) for name, value in values.items()})
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.4g}") if math.isfinite(value) else None
+    return value
+
+
+PROOFS = {
+    Cause.START: "{sunk_m:.4f} m in the ground at t = 0",
+    Cause.TRIP: "it touches for {scuff_s:.3f} s",
+    Cause.SLIP: "by {slip_m:.3f} m",
+    Cause.FLIGHT: "{flight_share:.0%} of the time, clock up to {clock_max_rad_s:.2f} rad/s",
+    Cause.STALL: "down to {clock_min_rad_s:.2f} rad/s",
+    Cause.LATE: "{late_s:.3f} s overdue, s = {s_max:.2f}",
+    Cause.TORQUE: "{joint}, {torque_share:.0%} of the time",
+    Cause.SOLVER: "{fallback_share:.0%} of the ticks",
+    Cause.TRACKING: "{output_max_rad:.2f} rad, torque at a limit {torque_share:.0%} of the time",
+    Cause.UNCLEAR: "",
+}
+"""The figures that speak for each cause."""
+
+
+def decisive(cause: str, evidence: Mapping[str, Any]) -> str:
+    """The figures of an evidence that speak for a cause, in words.
+
+    Args:
+        cause: Value of a `Cause`.
+        evidence: Fields of an `Evidence` by name.
+    """
+    known = {name: math.nan if value is None else value for name, value in evidence.items()}
+    return PROOFS[Cause(cause)].format(**known)

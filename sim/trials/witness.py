@@ -1,0 +1,181 @@
+"""A witness of a run that says what broke in it: the first symptom of those that last until the fall.
+
+Once a walker falls everything goes wrong at once, so neither the last tick nor the worst figure of a run tells
+why. A tick shows a symptom when the symptom held during enough of the `WINDOW` before it. Ticks with a symptom
+are followed back from the fall to the last `GAP` without any: there the fall began, and the symptom seen first is
+its cause. Symptoms that begin within `TOGETHER` count as one event, named by the order of `Cause`. Undisturbed
+walks show none.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.interface import JOINTS, ControlStep, Observation, PlantState, Vector
+from sim.loop import NoTape
+from sim.trials.cause import Cause, Evidence
+
+KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than the time after which a run is stalled
+WINDOW = 0.04  # [s]
+GAP = 0.12  # [s], about a quarter of a step
+TOGETHER = 0.02  # [s]
+
+AT_LIMIT = 0.999  # share of a joint's limit at which it counts as saturated
+SLIDING = 0.1  # [m/s] of a foot along the ground; a stance foot at rest creeps by less than a hundredth of it
+TOUCHED_DOWN = 0.06  # [s] after a landing in which the foot behind may still touch the ground
+FORESEEN = 0.012  # [s] ahead, from where on a predicted landing counts as a promise
+OVERDUE = 0.01  # [s]; undisturbed predictions are right to a tick, those in stages of 6 ms to a stage
+STANDING = 0.1  # [rad/s] of the clock; the gait's is 0.9 and above
+OVERRUN = 1.05  # of the normalised clock; the foot lands at 1
+OFF_TRACK = 0.2  # [rad] of the largest output
+SUNK = 1e-3  # [m] of a foot below the ground at the start; the gait's own start has 0.6 mm
+AT_ONCE = 0.1  # [s] within which a foot that began in the ground explains a fall
+STUCK = 1.5  # [s] without a step
+
+SHARES = {
+    Cause.TRIP: 0.05,
+    Cause.SLIP: 0.5,
+    Cause.FLIGHT: 0.75,
+    Cause.STALL: 0.75,
+    Cause.LATE: 0.0,
+    Cause.TORQUE: 0.75,
+    Cause.SOLVER: 0.75,
+    Cause.TRACKING: 0.5,
+}
+"""Share of the `WINDOW` during which a symptom has to hold; a foot that trips touches the ground for a moment."""
+
+
+class Witness(NoTape):
+    """Remembers the end of a run, and says what broke in it."""
+
+    def __init__(self, period: float) -> None:
+        """Args: period: of the ticks in [s]."""
+        self._period = period
+        self._rows: deque[tuple[Any, ...]] = deque(maxlen=round(KEPT / period))
+        self._stance = 0  # row of the foot that stands, as the judge of the run sees it
+        self._landed = 0.0  # [s]
+        self._due = math.inf  # [s], when the swing foot should land
+        self._t = 0.0  # [s]
+        self._sunk = 0.0  # [m]
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """Remember one."""
+        if k == 0:
+            self._sunk = -float(state.clearance.min())
+        ahead = step.impact_in * self._period
+        if self._due == math.inf and 0.0 <= ahead <= FORESEEN:
+            self._due = state.t + ahead
+        y = step.y.copy()  # a view would keep the controller's whole prediction
+        self._rows.append((state, self._stance, self._landed, self._due, step.s, step.dtheta, step.fallback, y))
+        self._t = state.t
+
+    def event(self, k: int, level: str, name: str, message: str) -> None:
+        """Follow the stance foot from landing to landing."""
+        if name == "impact":
+            self._stance = 1 - self._stance
+            self._landed, self._due = self._t + self._period, math.inf
+
+    def verdict(self, limits: Vector) -> tuple[Cause, Evidence]:
+        """What broke, in a run that fell.
+
+        Args:
+            limits: Largest torques of the joints in [N.m], (4,), ordered as `JOINTS`; infinite where there are none.
+        """
+        ticks = _Ticks(self._rows, self._period, np.asarray(limits))
+        began, cause = ticks.beginning()
+        if self._sunk > SUNK and ticks.t[began] < AT_ONCE:
+            cause = Cause.START
+        return cause, ticks.evidence(began, self._sunk)
+
+
+class _Ticks:
+    """The remembered ticks as arrays, (n,) each."""
+
+    def __init__(self, rows: Sequence[tuple[Any, ...]], period: float, limits: Vector) -> None:
+        states, stance, landed, due, s, clock, fallback, y = zip(*rows, strict=True) if rows else ((),) * 8
+        self.period = period
+        self.t, self.stance = np.array([state.t for state in states]), np.array(stance, dtype=int)
+        self.since, self.late = self.t - np.array(landed), self.t - np.array(due)  # [s]
+        self.s, self.clock, self.fallback = np.array(s), np.array(clock), np.array(fallback, dtype=bool)
+        foot = np.array([state.foot[row, 0] for state, row in zip(states, stance, strict=True)])
+        torque = np.array([state.torque for state in states]).reshape(-1, 4).T
+        self.touches = np.array([state.contact for state in states], dtype=bool).reshape(-1, 2).T  # (2, n), left, right
+        self.saturated = np.abs(torque) >= AT_LIMIT * limits[:, None]  # (4, n)
+        self.output = np.abs(np.array(y).reshape(-1, 4)).max(axis=1, initial=0.0)
+        stands, swings = self._of(self.stance), self._of(1 - self.stance)
+        moved = np.abs(np.diff(foot, prepend=foot[:1]))
+        same = np.diff(self.stance, prepend=self.stance[:1]) == 0
+        settled = self.since > TOGETHER  # forces and motion of the landing itself are over
+        self.slid = np.where(stands & same & settled, moved, 0.0)  # [m] in each tick
+        self.scuffs = swings & (self.since > TOUCHED_DOWN)
+
+    def _of(self, foot: Vector) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = np.where(foot == 0, self.touches[0], self.touches[1])
+        return found
+
+    def symptoms(self) -> dict[Cause, NDArray[np.bool_]]:
+        """Whether each symptom has held for its share of the window before each tick, (n,) each."""
+        now = {
+            Cause.TRIP: self.scuffs,
+            Cause.SLIP: self.slid > SLIDING * self.period,
+            Cause.FLIGHT: ~self.touches.any(axis=0),
+            Cause.STALL: self.clock < STANDING,
+            Cause.LATE: (self.s > OVERRUN) | (self.late > OVERDUE),
+            Cause.TORQUE: self.saturated.any(axis=0),
+            Cause.SOLVER: self.fallback,
+            Cause.TRACKING: self.output > OFF_TRACK,
+        }
+        width = max(1, round(WINDOW / self.period))
+        held = {}
+        for cause, one in now.items():
+            total = np.concatenate((np.zeros(width), np.cumsum(one)))
+            held[cause] = total[width:] - total[:-width] >= max(1.0, SHARES[cause] * width)
+        return held
+
+    def beginning(self) -> tuple[int, Cause]:
+        """Tick at which the fall began, and its cause."""
+        symptoms = self.symptoms()
+        n = len(self.t)
+        shows = np.flatnonzero(np.logical_or.reduce(list(symptoms.values()))) if n else np.empty(0, dtype=int)
+        gap = round(GAP / self.period)
+        if not len(shows) or n - 1 - shows[-1] > gap:
+            if n and self.since[-1] > STUCK:
+                return int(self.clock.argmin()), Cause.STALL
+            return max(0, n - 1 - gap), Cause.UNCLEAR
+        breaks = np.flatnonzero(np.diff(shows) > gap)
+        began = int(shows[breaks[-1] + 1] if len(breaks) else shows[0])
+        soon = slice(began, began + max(1, round(TOGETHER / self.period)))
+        return began, next(cause for cause, held in symptoms.items() if held[soon].any())
+
+    def evidence(self, began: int, sunk: float) -> Evidence:
+        """The figures around the beginning of a fall."""
+        if not len(self.t):
+            nan = math.nan
+            return Evidence(
+                began_s=0.0, lasted_s=0.0, torque_share=nan, joint="", flight_share=nan, slip_m=nan, scuff_s=nan,
+                clock_min_rad_s=nan, clock_max_rad_s=nan, late_s=nan, s_max=nan, output_max_rad=nan, fallback_share=nan,
+                sunk_m=sunk,
+            )  # fmt: skip
+        part = slice(max(0, began - round(WINDOW / self.period)), began + round(WINDOW / self.period) + 1)
+        at_limit = self.saturated[:, part]
+        longest = int(at_limit.sum(axis=1).argmax())
+        return Evidence(
+            began_s=float(self.t[began]),
+            lasted_s=float(self.t[-1] - self.t[began]),
+            torque_share=float(at_limit.any(axis=0).mean()),
+            joint=JOINTS[longest].replace("_", " ") if at_limit[longest].any() else "",
+            flight_share=float((~self.touches[:, part].any(axis=0)).mean()),
+            slip_m=float(self.slid[part].sum()),
+            scuff_s=float(self.scuffs[part].sum() * self.period),
+            clock_min_rad_s=float(self.clock[part].min()),
+            clock_max_rad_s=float(self.clock[part].max()),
+            late_s=max(0.0, float(self.late[part].max())),
+            s_max=float(self.s[part].max()),
+            output_max_rad=float(self.output[part].max()),
+            fallback_share=float(self.fallback[part].mean()),
+            sunk_m=sunk,
+        )
