@@ -22,7 +22,7 @@ from sim.scenario import Push, Scenario, with_values
 RULE = FittingRule(share=-1.0, slower=0.25, faster=0.1, hysteresis=0.02, most=0.3)
 FITTING = {"controller.gait_fitting.enabled": True}
 ZD_PD = {"controller.kind": "zd-pd"}
-KINDS = ("zd-pd", "c-mpc", "c-mpc-ltv")
+KINDS = ("zd-pd", "c-mpc", "c-mpc-ltv", "clf-qp", "output-mpc")
 
 
 @pytest.fixture(scope="module")
