@@ -86,6 +86,10 @@ class CascadedMpc:
         self.stance.reset(stance)
         self.solver.reset()
 
+    def follow(self, gait: Gait, rate_change: Vector) -> None:
+        """Follow another gait from now on; its nominal clock rate does not matter here."""
+        self.gait = gait
+
     def step(self, observation: Observation) -> ControlStep:
         """One tick, as listed in Sec. III.D.
 

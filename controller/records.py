@@ -125,6 +125,7 @@ class ControlStep:
         active: Active constraints over the horizon.
         solve_s: Wall time in the solver in [s].
         plan: What the controller expects over the horizon; None if it plans nothing.
+        followed: Speed of the gait followed over that of the walker's own gait in [m/s].
     """
 
     stance: str
@@ -146,3 +147,4 @@ class ControlStep:
     active: int
     solve_s: float
     plan: Plan | None = None
+    followed: float = 0.0

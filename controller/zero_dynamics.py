@@ -65,6 +65,10 @@ class ZeroDynamicsController:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
         self.stance.reset(stance)
 
+    def follow(self, gait: Gait, rate_change: Vector) -> None:
+        """Follow another gait from now on; its nominal clock rate does not matter here."""
+        self.gait = gait
+
     def step(self, observation: Observation) -> ControlStep:
         """One tick: which leg stands, then Eq. (7)."""
         state = self.stance.update(observation)

@@ -20,7 +20,7 @@ from sim.interface import Controller, Observation, Plant, Vector
 from sim.judge import FallCriteria
 from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape, Tapes
-from sim.models import ModelFiles
+from sim.models import LIBRARY, ModelFiles, library_json
 from sim.outcome import RunSummary
 from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
@@ -219,6 +219,7 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant,
     walk_length = RUN_UP + LONGEST_STEP * scenario.steps
     terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=walk_length)
     git = provenance.git_state()
+    fits = scenario.controller.gait_fitting.enabled
     return RunHeader(
         scenario_name=scenario.name,
         scenario_toml=to_toml(scenario),
@@ -234,5 +235,6 @@ def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant,
             files.mjcf.name: ("application/xml", files.mjcf.read_bytes()),
             files.urdf.name: ("application/xml", files.urdf.read_bytes()),
             files.gait.name: ("application/toml", files.gait.read_bytes()),
+            **({LIBRARY: ("application/json", library_json(files.library))} if fits else {}),
         },
     )

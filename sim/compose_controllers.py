@@ -4,6 +4,8 @@ import contextlib
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +22,10 @@ from sim.interface import Controller
 from sim.models import ModelFiles
 from sim.scenario import ControllerSettings, Scenario
 
+if TYPE_CHECKING:
+    from controller.family import GaitFamily
+    from controller.fitting import Follower
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Belief:
@@ -28,10 +34,12 @@ class Belief:
     Attributes:
         model: Analytic model.
         gait: The gait to follow.
+        library: Folder of the gait library.
     """
 
     model: WalkerModel
     gait: Gait
+    library: Path
 
 
 @contextlib.contextmanager
@@ -55,7 +63,7 @@ def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     files = files or ModelFiles.of(scenario)
     with _as_user_errors():
         model = WalkerModel(files.urdf)
-        return Belief(model=model, gait=load_gait(files.gait, model))
+        return Belief(model=model, gait=load_gait(files.gait, model), library=files.library)
 
 
 @functools.lru_cache(maxsize=4)
@@ -73,8 +81,34 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         solver: Used instead of the one the settings name.
 
     Raises:
-        UserError: unknown solver.
+        UserError: unknown solver, or no gait library where gaits are fitted.
     """
+    law = _law(settings, belief, solver)
+    fitting = settings.gait_fitting
+    if not fitting.enabled:
+        return law
+    from controller.fitting import FittingRule, GaitFitting
+
+    rule = FittingRule(
+        share=fitting.share,
+        slower=fitting.slower,
+        faster=fitting.faster,
+        hysteresis=fitting.hysteresis,
+        most=fitting.most,
+    )
+    with _as_user_errors():
+        return GaitFitting(law, belief.model, _family(belief), rule)
+
+
+@functools.lru_cache(maxsize=4)
+def _family(belief: Belief) -> "GaitFamily":
+    from controller.family import GaitFamily
+    from controller.library import GaitLibrary  # only where gaits are fitted
+
+    return GaitFamily.around(belief.gait, GaitLibrary.load(belief.library, belief.model))
+
+
+def _law(settings: ControllerSettings, belief: Belief, solver: Solver | None) -> "Follower":
     gains = kernels.Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
     if settings.kind == "zd-pd":
         return ZeroDynamicsController(belief.model, belief.gait, gains)
@@ -106,7 +140,7 @@ def _weights(settings: ControllerSettings, gains: kernels.Gains) -> Weights:
     )
 
 
-def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:
+def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> "Follower":
     from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
 
     ltv = settings.ltv
@@ -121,6 +155,8 @@ def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Ga
         substeps=ltv.substeps,
         weights=LtvWeights(
             output=ltv.output,
+            output_calm=ltv.output_calm,
+            calm=ltv.calm,
             output_rate=ltv.output_rate,
             clock_rate=ltv.clock_rate,
             torque=ltv.torque,
@@ -132,7 +168,7 @@ def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Ga
     )
 
 
-def _rival(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> Controller:
+def _rival(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -> "Follower":
     from controller.rivals.clf_qp import ClfQp, Lyapunov
     from controller.rivals.law import Law, OutputController
     from controller.rivals.output_mpc import OutputMpc

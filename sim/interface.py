@@ -157,6 +157,7 @@ class ControlStep(Protocol):
         slack: Largest softening of a contact-force row over the horizon in [N].
         active: Number of active constraints over the horizon.
         solve_s: Wall time spent in the solver in [s].
+        followed: Speed of the gait followed over that of the scenario's gait in [m/s], 0 for that gait itself.
     """
 
     stance: str
@@ -177,6 +178,7 @@ class ControlStep(Protocol):
     slack: float
     active: int
     solve_s: float
+    followed: float
 
 
 class Controller(Protocol):

@@ -101,6 +101,7 @@ class Loop:
         self._metrics = Metrics()
         self._fallback = False
         self._pushed = False
+        self._followed = 0.0
 
     def run(self, *, progress: Progress | None = None, stop: Stop | None = None, log: str = "") -> RunSummary:
         """Run to the end.
@@ -180,10 +181,14 @@ class Loop:
         )
 
     def _note(self, k: int, step: ControlStep, pushed: bool) -> None:
-        """Say when a push begins or ends and when the controller falls back."""
+        """Say when a push begins or ends, when the controller takes another gait and when it falls back."""
         if pushed != self._pushed:
             self._tape.event(k, "info", "push", "push begins" if pushed else "push ends")
             self._pushed = pushed
+        if step.followed != self._followed:
+            how = f"{abs(step.followed):.3f} m/s {'faster' if step.followed > 0.0 else 'slower'} than its own"
+            self._tape.event(k, "info", "gait", f"follows a gait {how}" if step.followed else "follows its own gait")
+            self._followed = step.followed
         if step.fallback and not self._fallback:
             self._tape.event(k, "warning", "fallback", f"saturated ZD+PD for this tick: {step.status}")
         self._fallback = step.fallback

@@ -1,6 +1,8 @@
 """Model files of one run: beside the program, or unpacked from a log that nobody has to trust."""
 
 import contextlib
+import json
+import re
 import tempfile
 import xml.parsers.expat
 from collections.abc import Iterator, Mapping
@@ -16,6 +18,9 @@ LONGEST_HORIZON = 2000  # stages; the horizon of a log from elsewhere could ask 
 MOST_SUBSTEPS = 1000
 LARGEST_MODEL = 4 * 2**20  # [B]; ours have 6 kB
 LARGEST_IMAGE = 8192  # [pixel]
+LIBRARY = "gait-library.json"
+"""Attachment with the gait library; only runs that follow other gaits than their own have it."""
+_LIBRARY_FILE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,80}\.toml")
 _IMAGE = ("width", "height", "offwidth", "offheight", "shadowsize")
 DEEPEST = 100  # levels of nested XML elements
 _OUTSIDE = ("file", "dir", "url", "path")
@@ -46,11 +51,13 @@ class ModelFiles:
         mjcf: The plant's model.
         urdf: The controller's model.
         gait: The gait.
+        library: Folder of the gait library, in which a controller that fits its gait looks for others.
     """
 
     mjcf: Path
     urdf: Path
     gait: Path
+    library: Path
 
     @classmethod
     def of(cls, scenario: Scenario) -> "ModelFiles":
@@ -60,7 +67,7 @@ class ModelFiles:
             UserError: one of them does not exist.
         """
         folder = WalkerFolder.find(scenario.walker)
-        return cls(mjcf=folder.mjcf, urdf=folder.urdf, gait=folder.gait(scenario.gait))
+        return cls(mjcf=folder.mjcf, urdf=folder.urdf, gait=folder.gait(scenario.gait), library=folder.gaits)
 
 
 def scenario_of(log: Log) -> Scenario:
@@ -97,7 +104,7 @@ def unpacked(scenario: Scenario, attachments: Mapping[str, tuple[str, bytes]]) -
     Raises:
         UserError: a model is missing, twice there, too large, or reaches out of itself.
     """
-    others = {name: data for name, (_, data) in attachments.items() if name != "scenario.toml"}
+    others = {name: data for name, (_, data) in attachments.items() if name not in ("scenario.toml", LIBRARY)}
     with tempfile.TemporaryDirectory(prefix="cmpc-") as folder:
         found = {}
         for suffix, use in ((".xml", "plant"), (".urdf", "controller"), (".toml", "gait")):
@@ -108,7 +115,31 @@ def unpacked(scenario: Scenario, attachments: Mapping[str, tuple[str, bytes]]) -
                 check_xml(names[0], others[names[0]])
             found[suffix] = Path(folder) / _name(names[0], suffix)
             found[suffix].write_bytes(others[names[0]])
-        yield ModelFiles(mjcf=found[".xml"], urdf=found[".urdf"], gait=found[".toml"])
+        library = Path(folder) / "library"
+        library.mkdir()
+        if LIBRARY in attachments:
+            for name, text in _library(attachments[LIBRARY][1]).items():
+                (library / name).write_text(text, encoding="utf-8")
+        yield ModelFiles(mjcf=found[".xml"], urdf=found[".urdf"], gait=found[".toml"], library=library)
+
+
+def library_json(folder: Path) -> bytes:
+    """All gait files of a folder as one attachment: their names and texts."""
+    return json.dumps({path.name: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.toml"))}).encode()
+
+
+def _library(data: bytes) -> dict[str, str]:
+    """Names and texts of an attached gait library."""
+    try:
+        found = json.loads(data) if len(data) <= LARGEST_MODEL else None
+    except ValueError:
+        found = None
+    if not isinstance(found, dict) or not all(isinstance(text, str) for text in found.values()):
+        raise UserError(f"{LIBRARY} of the log: must hold names and texts of gait files, {LARGEST_MODEL} bytes at most")
+    for name in found:
+        if not _LIBRARY_FILE.fullmatch(name):
+            raise UserError(f"{LIBRARY} of the log names {name[:40]!r}: must be letters, digits, - and ., then .toml")
+    return found
 
 
 def _name(name: str, suffix: str) -> str:

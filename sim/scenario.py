@@ -37,6 +37,7 @@ __all__ = [
     "ActuationSettings",
     "BodyFactors",
     "ControllerSettings",
+    "FittingSettings",
     "GroundSettings",
     "JointFactors",
     "LtvSettings",
@@ -69,6 +70,8 @@ class LtvSettings:
         stage_time: Length of a stage.
         substeps: Integration steps of a stage.
         output: Weight on the outputs y.
+        output_calm: Weight on them where the clock's rate is that of the nominal orbit.
+        calm: Distance of the clock's rate from the nominal orbit's at which the weight is half way between.
         output_rate: Weight on their rates.
         clock_rate: Weight on the clock's rate off the nominal orbit.
         torque: Weight on the MPC's torques.
@@ -80,8 +83,10 @@ class LtvSettings:
 
     stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 50
     stage_time: Annotated[Second, POSITIVE] = 6e-3
-    substeps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 2
-    output: Annotated[float, Unit("1/rad^2"), NOT_NEGATIVE] = 1e5
+    substeps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 1
+    output: Annotated[float, Unit("1/rad^2"), POSITIVE] = 1e5
+    output_calm: Annotated[float, Unit("1/rad^2"), POSITIVE] = 2e6
+    calm: Annotated[float, Unit("rad/s"), POSITIVE] = 0.02
     output_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 1e3
     clock_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 3e4
     torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 0.1
@@ -89,6 +94,27 @@ class LtvSettings:
     torque_penalty: Annotated[float, Unit("1/(N.m)^2"), NOT_NEGATIVE] = 30.0
     force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
     slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittingSettings:
+    """Which gait the controller follows after an impact, by the speed measured there; speeds count from its own gait's.
+
+    Attributes:
+        enabled: Whether it follows another gait at all; needs a gait library beside the gait (cmpc gait library).
+        share: Speed of the gait to follow for the speed measured; below 0 a walker too fast follows a slower gait.
+        slower: Most that the gait followed may be slower.
+        faster: Most that it may be faster.
+        hysteresis: Changes below this are not made.
+        most: Largest change at one impact.
+    """
+
+    enabled: bool = False
+    share: Ratio = -1.0
+    slower: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.25
+    faster: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.0
+    hysteresis: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.02
+    most: Annotated[float, Unit("m/s"), POSITIVE] = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,6 +184,7 @@ class ControllerSettings:
         ltv: Prediction and cost of c-mpc-ltv.
         clf: Tuning of clf-qp.
         output_mpc: Tuning of output-mpc.
+        gait_fitting: Which gait to follow.
     """
 
     kind: Literal["c-mpc", "zd-pd", "c-mpc-ltv", "clf-qp", "output-mpc"] = "c-mpc"
@@ -173,6 +200,7 @@ class ControllerSettings:
     ltv: LtvSettings = dataclasses.field(default_factory=LtvSettings)
     clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
     output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
+    gait_fitting: FittingSettings = dataclasses.field(default_factory=FittingSettings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

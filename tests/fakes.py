@@ -51,6 +51,7 @@ class Step:
     slack: float = 0.0
     active: int = 0
     solve_s: float = 0.0
+    followed: float = 0.0
 
 
 class Clockwork:

@@ -57,8 +57,9 @@ def test_the_orbit_is_the_gaits(belief):
 def test_it_walks_undisturbed_and_nearly_leaves_zd_pd_alone():
     summary, tape = walk(CALM)
     assert summary.outcome == "completed" and summary.fallbacks == 0
-    assert summary.output_error_rms_rad < 2e-3 and summary.step_time_s == pytest.approx(0.517, abs=0.01)
-    assert {step.status for step in tape.steps} == {"optimal"}
+    assert summary.output_error_rms_rad < 6e-4 and summary.step_time_s == pytest.approx(0.517, abs=0.01)
+    # Where the old plan is the answer to the last bit no step lowers the cost, and the tick may say so.
+    assert sum(step.status != "optimal" for step in tape.steps) < 0.01 * len(tape.steps)
     limit = np.array([75.0, 75.0, 50.0, 50.0])
     for step in tape.steps:
         assert (np.abs(step.u_total) <= limit + 1e-9).all()

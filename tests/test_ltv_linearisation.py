@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from controller import kernels
-from controller.ltv.horizon import Ground, accelerate, look_ahead, new_horizon
-from controller.ltv.linearisation import N_Z, derive, from_output, impact_jacobian, new_derivatives, to_output
+from controller.ltv.coordinates import N_Z, from_output, to_output
+from controller.ltv.horizon import look_ahead, new_horizon
+from controller.ltv.landing import Ground, impact_jacobian
+from controller.ltv.linearisation import derive, new_derivatives
+from controller.ltv.motion import accelerate
 
 STEP = 1e-6
 LEVEL = Ground(0.0, 0.0)

@@ -7,16 +7,28 @@ from controller.cascade import Friction
 from controller.ltv.cascade import LtvWeights
 from controller.ltv.cost import ROWS, new_problem, objective
 from controller.ltv.cost import model as quadratic
-from controller.ltv.horizon import Ground, look_ahead, new_horizon
+from controller.ltv.horizon import look_ahead, new_horizon
+from controller.ltv.landing import Ground
 from controller.ltv.orbit import find_orbit
-from controller.ltv.sweep import AT_LOWER, AT_UPPER, FREE, N_Z, new_state, residuals, solve
+from controller.ltv.problem import AT_LOWER, AT_UPPER, FREE, N_Z, new_state, residuals
+from controller.ltv.sweep import solve
 
 N = 8
 
 
 @pytest.fixture
 def weights():
-    return LtvWeights(output=1e5, output_rate=1e3, clock_rate=3e4, torque=1.0, last=10.0, torque_penalty=1e3)
+    return LtvWeights(
+        output=1e5, output_calm=1e6, calm=0.02, output_rate=1e3, clock_rate=3e4, torque=1.0, last=10.0,
+        torque_penalty=1e3,
+    )  # fmt: skip
+
+
+def test_outputs_weigh_more_near_the_orbit(weights):
+    assert weights.output_at(0.0) == 1e6 and weights.output_at(0.02) == pytest.approx(5.5e5)
+    assert weights.output_at(1e200) == 1e5
+    steps = [weights.output_at(off) for off in np.linspace(0.0, 0.5, 50)]
+    assert (np.diff(steps) < 0.0).all()
 
 
 def random_problem(seed, box=1e9, bind=True):

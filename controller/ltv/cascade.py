@@ -11,9 +11,9 @@ from controller.gait import Gait
 from controller.kernels import Gains
 from controller.ltv import plan
 from controller.ltv.cost import Cost
-from controller.ltv.horizon import Ground
-from controller.ltv.orbit import find_orbit
-from controller.ltv.sweep import residuals
+from controller.ltv.landing import Ground
+from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
+from controller.ltv.problem import residuals
 from controller.model import WalkerModel
 from controller.records import ControlStep, Observation, StanceState, Vector
 from controller.stance import StanceEstimator
@@ -28,6 +28,8 @@ class LtvWeights:
 
     Attributes:
         output: On y^2 in [1/rad^2].
+        output_calm: On y^2 where the clock's rate is the nominal one, in [1/rad^2].
+        calm: Distance of the clock's rate from the nominal one at which the weight is half way between, in [rad/s].
         output_rate: On dy^2 in [s^2/rad^2].
         clock_rate: On (dtheta - dtheta*(theta))^2 in [s^2/rad^2].
         torque: On u_mpc^2 in [1/(N.m)^2].
@@ -36,6 +38,8 @@ class LtvWeights:
     """
 
     output: float
+    output_calm: float
+    calm: float
     output_rate: float
     clock_rate: float
     torque: float
@@ -43,7 +47,7 @@ class LtvWeights:
     torque_penalty: float
 
     def over(self, N: int, limit: Vector, friction: Friction | None) -> Cost:
-        """The cost over N stages."""
+        """The cost over N stages, far from the orbit."""
         error = np.tile([self.output] * 4 + [self.output_rate] * 4 + [self.clock_rate], (N, 1))
         error[-1] *= self.last
         return Cost(
@@ -55,6 +59,16 @@ class LtvWeights:
             mu=float(friction.mu) if friction else 0.0,
             normal_min=float(friction.normal_min) if friction else 0.0,
         )
+
+    def output_at(self, off: float) -> float:
+        """Weight on y^2 at a distance of the clock's rate from the nominal one in [rad/s].
+
+        Speed comes back by leaving the outputs, so the two pull at each other. Where there is no speed to give back,
+        the outputs can be held more tightly, and small departures of the plant's own orbit from the nominal one cost
+        no output error.
+        """
+        near = self.calm * self.calm / (self.calm * self.calm + off * off)
+        return self.output + near * (self.output_calm - self.output)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,12 +134,26 @@ class LtvCascade:
         """
         self.model, self.gait, self.gains = model, gait, gains
         self._table = gait.table._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
+        self.weights = weights
         self.cost = weights.over(stages, model.torque_limits, friction)
-        self.orbit = find_orbit(model, gait)
+        self._grown = self.cost.error[:, :1] / weights.output  # of a stage's weights over those of the first
+        self.orbit = self._own_orbit = find_orbit(model, gait)
         self.stance = StanceEstimator(model)
         self._N, self._period, self._stage_time, self._substeps = stages, period, stage_time, substeps
         self._slope_memory = slope_memory
         self.reset("left")
+
+    def follow(self, gait: Gait, rate_change: Vector) -> None:
+        """Follow another gait from now on.
+
+        Args:
+            gait: Of the same walker and clock.
+            rate_change: What its nominal clock rate has over the first gait's in [rad/s], a polynomial of the
+                normalised clock, lowest power first.
+        """
+        self.gait = gait
+        self._table = gait.table._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
+        self.orbit = Orbit(self._own_orbit.poly + rate_change, gait.table.theta_start, gait.table.theta_span)
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
@@ -141,6 +169,7 @@ class LtvCascade:
         exchanged = state.leg is not old_leg
         if exchanged:
             self._touched_down(state)
+        self._weigh(state)
         started = time.perf_counter()
         found = plan.improve(
             self.model.lumped, self._table, self.gains, self.cost, self.orbit, self._ground_under(state),
@@ -176,6 +205,13 @@ class LtvCascade:
             solve_s=solve_s,
             plan=self._plan() if found else None,
         )
+
+    def _weigh(self, state: StanceState) -> None:
+        """Set the outputs' weight for the clock's rate measured."""
+        clock = self.gait.clock
+        rate, _ = nominal_rate(self.orbit, float(clock @ state.q))
+        off = abs(float(clock @ state.dq) - rate)
+        self.cost.error[:, :4] = self._grown * self.weights.output_at(off)
 
     def _status(self) -> str:
         """Whether the quadratic model was solved and its whole step taken."""

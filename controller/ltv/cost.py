@@ -7,7 +7,7 @@ import numpy as np
 from controller.kernels import Array, compiled
 from controller.ltv.horizon import LtvHorizon
 from controller.ltv.orbit import Orbit, nominal_rate
-from controller.ltv.sweep import LtvProblem
+from controller.ltv.problem import LtvProblem
 
 N_E = 9  # errors of a stage: outputs, their rates, the clock's rate
 TORQUE_ROWS, FORCE_ROWS = 8, 3  # both bounds of four torques; both sides of the friction cone and the normal force

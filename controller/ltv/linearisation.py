@@ -1,14 +1,8 @@
-"""The ZD+PD closed loop and its exact derivatives, in output coordinates z = (y, dy, theta, dtheta).
+"""The ZD+PD closed loop's exact derivatives, in output coordinates z = (y, dy, theta, dtheta).
 
 In these coordinates the closed loop is linear but for the clock: ddy = -K_D dy - K_P y, and ddtheta follows from the
-one equation of motion that no torque enters. With J = H [I; -c_a/c_5] the link angles are
-
-    phi = J (y + h(theta)) + theta/c_5,    j = dphi/dtheta = J h' + 1/c_5,
-
-so every derivative below is a product of the derivatives of the link torques tau(phi, dphi, ddphi) = D ddphi + C dphi
-+ G, which are closed, with those of phi, dphi, ddphi in z. Predicted impacts enter by their saltation matrix: the
-Jacobian of the impact map with the shift of the impact's time (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004,
-ch. 7).
+one equation of motion that no torque enters. Every derivative below is a product of the derivatives of the link torques
+tau(phi, dphi, ddphi) = D ddphi + C dphi + G, which are closed, with those of phi, dphi, ddphi in z (`coordinates`).
 """
 
 from typing import NamedTuple
@@ -17,9 +11,7 @@ import numpy as np
 
 from controller import kernels
 from controller.kernels import Array, Gains, GaitTable, Walker, cholesky5_solve, compiled
-
-N_Z = 10
-Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z
+from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, times_J
 
 
 class Derivatives(NamedTuple):
@@ -71,69 +63,6 @@ def third_derivative(gait: GaitTable, theta: float, h3: Array) -> None:
         for k in range(degree, 2, -1):
             v = v * s + k * (k - 1) * (k - 2) * gait.poly[i, k]
         h3[i] = v / gait.theta_span**3
-
-
-@compiled
-def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Array) -> None:
-    """Output coordinates of a state (q, dq)."""
-    theta, dtheta = kernels.outputs(gait, q, dq, stage)
-    for i in range(4):
-        z[Y + i] = stage.y[i]
-        z[DY + i] = stage.dy[i]
-    z[THETA] = theta
-    z[DTHETA] = dtheta
-
-
-@compiled
-def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
-    """State (q, dq) of output coordinates."""
-    theta, dtheta = z[THETA], z[DTHETA]
-    wished = (theta - gait.theta_start) / gait.theta_span
-    s = min(max(wished, gait.s_first), gait.s_last)
-    degree = gait.poly.shape[1] - 1
-    q[4] = theta
-    dq[4] = dtheta
-    for i in range(4):
-        h = gait.poly[i, degree]
-        h1 = 0.0
-        for k in range(degree - 1, -1, -1):
-            h1 = h1 * s + h
-            h = h * s + gait.poly[i, k]
-        q[i] = z[Y + i] + h + h1 * (wished - s)
-        dq[i] = z[DY + i] + h1 / gait.theta_span * dtheta
-        q[4] -= gait.clock[i] * q[i]
-        dq[4] -= gait.clock[i] * dq[i]
-    q[4] /= gait.clock[4]
-    dq[4] /= gait.clock[4]
-
-
-@compiled
-def link_jacobian(gait: GaitTable, stage: kernels.Stage, J: Array, j: Array) -> None:
-    """J = dphi/dy (5, 4), and j = dphi/dtheta (5,), after `outputs`."""
-    inverse = 1.0 / gait.clock[4]
-    for i in range(5):
-        j[i] = inverse
-        for k in range(4):
-            J[i, k] = -gait.clock[k] * inverse
-    J[0, 0] += 1.0
-    J[2, 0] += 1.0
-    J[1, 1] += 1.0
-    J[3, 1] += 1.0
-    J[2, 2] += 1.0
-    J[3, 3] += 1.0
-    for i in range(5):
-        for k in range(4):
-            j[i] += J[i, k] * stage.h1[k]
-
-
-@compiled
-def times_J(gait: GaitTable, row: Array, out: Array) -> None:
-    """Row (5,) times J = dphi/dy, (4,): what the joints turn, and the torso that makes up for it in the clock."""
-    torso = -(row[0] + row[1] + row[2] + row[3] + row[4]) / gait.clock[4]
-    out[0] = row[0] + row[2] + torso * gait.clock[0]
-    out[1] = row[1] + row[3] + torso * gait.clock[1]
-    out[2] = row[2] + torso * gait.clock[2]
-    out[3] = row[3] + torso * gait.clock[3]
 
 
 @compiled
@@ -295,79 +224,3 @@ def add_held_torque(
             out.output_z[i, column] = ddq[i] - stage.h1[i] * clock
     for i in range(4):
         out.output_z[i, 4] -= stage.h2[i] * clock_a
-
-
-@compiled
-def impact_jacobian(
-    walker: Walker, gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, jacobian: Array
-) -> None:
-    """Impact in place, after `place` and `outputs`, and dz+/dz- of the impact map into jacobian (10, 10)."""
-    J = np.empty((5, 4))
-    j = np.empty(5)
-    link_jacobian(gait, stage, J, j)
-    dtheta = 0.0
-    for i in range(5):
-        dtheta += gait.clock[i] * dq[i]
-    phi_z = np.zeros((5, N_Z))
-    dphi_z = np.zeros((5, N_Z))
-    for i in range(5):
-        rate = 0.0
-        for k in range(4):
-            phi_z[i, Y + k] = J[i, k]
-            dphi_z[i, DY + k] = J[i, k]
-            rate += J[i, k] * stage.h2[k] * dtheta
-        phi_z[i, THETA] = j[i]
-        dphi_z[i, THETA] = rate
-        dphi_z[i, DTHETA] = j[i]
-    # Momentum about the new foot, m_i = sum_j A_impact_ij cos_ij dphi_j, in the new names.
-    momentum_z = np.zeros((5, N_Z))
-    new_phi_z = np.zeros((5, N_Z))
-    for i in range(5):
-        row = kernels.MIRROR[i]
-        own = 0.0
-        for k in range(5):
-            a = walker.A_impact[i, k]
-            cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
-            sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
-            by_phi = sine * stage.dphi[k] if k != i else 0.0
-            own -= by_phi
-            for m in range(N_Z):
-                momentum_z[row, m] += by_phi * phi_z[k, m] + cosine * dphi_z[k, m]
-        for m in range(N_Z):
-            momentum_z[row, m] += own * phi_z[i, m]
-            new_phi_z[row, m] = phi_z[i, m]
-    kernels.impact(walker, q, dq, stage)
-    # D(phi+) dphi+ = m: differentiate, with the inertia at the new state.
-    new_dphi_z = np.empty((N_Z, 5))
-    for m in range(N_Z):
-        x = new_dphi_z[m]
-        for i in range(5):
-            v = momentum_z[i, m]
-            for k in range(5):
-                if k != i:
-                    sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
-                    v -= sine * stage.dphi[k] * (new_phi_z[k, m] - new_phi_z[i, m])
-            x[i] = v
-        cholesky5_solve(stage.L, x)
-    kernels.outputs(gait, q, dq, stage)
-    dtheta = 0.0
-    for i in range(5):
-        dtheta += gait.clock[i] * dq[i]
-    dq_m = np.empty(5)
-    ddq_m = np.empty(5)
-    phi_m = np.empty(5)
-    for m in range(N_Z):
-        for i in range(5):
-            phi_m[i] = new_phi_z[i, m]
-        kernels.from_links(phi_m, dq_m)
-        kernels.from_links(new_dphi_z[m], ddq_m)
-        theta_m = 0.0
-        dtheta_m = 0.0
-        for i in range(5):
-            theta_m += gait.clock[i] * dq_m[i]
-            dtheta_m += gait.clock[i] * ddq_m[i]
-        for i in range(4):
-            jacobian[Y + i, m] = dq_m[i] - stage.h1[i] * theta_m
-            jacobian[DY + i, m] = ddq_m[i] - stage.h1[i] * dtheta_m - stage.h2[i] * dtheta * theta_m
-        jacobian[THETA, m] = theta_m
-        jacobian[DTHETA, m] = dtheta_m

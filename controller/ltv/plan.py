@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from controller.kernels import Array, Gains, GaitTable, Walker, compiled
 from controller.ltv.cost import FORCE_ROWS, ROWS, Cost, excess, model, new_problem, objective
-from controller.ltv.horizon import Ground, LtvHorizon, look_ahead, new_horizon
+from controller.ltv.horizon import LtvHorizon, look_ahead, new_horizon
+from controller.ltv.landing import Ground
 from controller.ltv.orbit import Orbit
-from controller.ltv.sweep import LtvProblem, LtvState, new_state, solve
+from controller.ltv.problem import LtvProblem, LtvState, new_state
+from controller.ltv.sweep import solve
 
 HALVINGS = 3
-SWEEPS = 5
+SWEEPS = 4  # a guess that four have not confirmed cycles as a rule, and the line search takes what there is
 
 
 class Workspace(NamedTuple):
@@ -101,16 +103,15 @@ def improve(
     shift(w.plan, share_of_stage)
     if exchanged:
         drop_to_exchange(w.plan, w.other.exchange)
-    look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, True, w.nominal)
-    best = objective(cost, orbit, w.nominal, w.plan)
-    if exchanged or w.figures[2] < 1.0 or not np.isfinite(best):  # is the old plan any good?
+    if exchanged or w.figures[2] < 1.0:  # is the old plan any good?
         w.candidate[:] = 0.0
         look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.candidate, False, w.other)
         without = objective(cost, orbit, w.other, w.candidate)
-        if not best <= without:
+        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, False, w.other)
+        if not objective(cost, orbit, w.other, w.plan) <= without:
             w.plan[:] = w.candidate
-            best = without
-            look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, True, w.nominal)
+    look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, True, w.nominal)
+    best = objective(cost, orbit, w.nominal, w.plan)
     w.figures[0] = best
     if not np.isfinite(best):
         w.figures[2] = 0.0
