@@ -126,6 +126,17 @@ def test_a_foot_that_scuffs_behind_does_not_land(model, walker, gait, gains):
         assert not exchange
 
 
+def test_a_foot_below_the_ground_believed_in_does_not_land_again_and_again(model, gait, gains, before_impact):
+    """Lower ground than believed: the foot is ahead, below the surface of Eq. (4) and still going down."""
+    first = predict(model, gait, gains, before_impact, N, T).impact_in
+    seen = predict(model, gait, gains, before_impact, first - 1, T)  # the walk up to the stage before it lands
+    q, dq = seen.x[-1, Q], seen.x[-1, DQ]
+    fallen = q + 4 * T * dq  # as if the ground had given way
+    ahead, height, rate = model.swing_foot(fallen, dq)
+    assert ahead > 0.0 and height < 0.0 and rate < 0.0
+    assert not predict(model, gait, gains, state(fallen, dq), 5, T).exchange.any()
+
+
 def test_a_faster_walker_lands_sooner(model, gait, gains, before_impact):
     landings = [
         predict(model, gait, gains, state(before_impact.q, factor * before_impact.dq), N, T).impact_in
