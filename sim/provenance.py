@@ -14,6 +14,7 @@ PACKAGES = (
     "numba",
     "qpsolvers",
     "clarabel",
+    "daqp",
     "piqp",
     "scipy",
     "mcap",
