@@ -6,10 +6,7 @@ two operations, since the compiler can not know that they do not overlap; tuples
 
 from typing import Any
 
-from numba import njit
-
-inlined = njit(cache=True, error_model="numpy", forceinline=True)
-"""Compile into the caller: a call costs more than the arithmetic of a stage."""
+from controller.kernels import inlined
 
 Vector4 = Any  # tuple of 4 floats
 Matrix4 = Any  # tuple of 4 rows; of a symmetric one's factorisation only the lower triangle is read

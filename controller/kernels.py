@@ -23,8 +23,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 compiled = njit(cache=True, error_model="numpy")
-inlined = njit(cache=True, error_model="numpy", forceinline=True)
 """Compile, keep on disk, and divide as NumPy does: a walker that falls gives inf, not an exception."""
+
+inlined = njit(cache=True, error_model="numpy", forceinline=True)
+"""The same, into the caller's body: to hand a `Stage` over takes longer than most of what is done with it."""
 
 N_Q = 5  # coordinates: stance hip, swing hip, stance knee, swing knee, torso
 N_U = 4  # actuated joints
