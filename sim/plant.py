@@ -253,12 +253,14 @@ class MujocoPlant:
         left, right = torso + left_hip, torso + right_hip
         return torso, left, left + left_knee, right, right + right_knee
 
-    def _feet(self, q: Sequence[float]) -> tuple[tuple[float, float], ...]:
+    def _feet(self, q: Sequence[float]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Tips of the left and right tibia (x, z) relative to the hip in [m], from `q` in [rad], (5,)."""
-        _, *legs = self._absolute_angles(q)
-        return tuple(
-            (-femur * math.sin(a) - tibia * math.sin(b), femur * math.cos(a) + tibia * math.cos(b))
-            for (a, b), (femur, tibia) in zip((legs[:2], legs[2:]), self.legs.lengths, strict=True)
+        _, a, b, c, d = self._absolute_angles(q)
+        (femur, tibia), (other_femur, other_tibia) = self.legs.lengths
+        sin, cos = math.sin, math.cos  # written out: a generator costs as much again
+        return (
+            (-femur * sin(a) - tibia * sin(b), femur * cos(a) + tibia * cos(b)),
+            (-other_femur * sin(c) - other_tibia * sin(d), other_femur * cos(c) + other_tibia * cos(d)),
         )
 
     def _feet_velocity(self, q: Sequence[float], dq: Sequence[float]) -> tuple[tuple[float, float], ...]:

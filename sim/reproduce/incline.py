@@ -30,6 +30,7 @@ START = 1.0  # [m], behind two and a half steps of level ground
 STEP = 0.4  # [m]
 BEYOND = 4  # steps behind the ramp
 SHOWN_SLOPE, SHOWN_LENGTH = 0.03, 1.0  # [rad], [m] of the runs that are looked into
+LASTING = 0.005  # [s] for how long an expectation must be wrong to be shown
 ON_RAMP = 2  # steps completed when the first foot reaches for the ramp
 IN_THE_AIR = 1e-3  # [m] clearance above which a foot surely does not touch the ground
 STRIDE, RESOLUTION, STEEPEST = 0.04, 0.005, 0.6  # [rad]
@@ -142,7 +143,7 @@ def _landing(results: Results, plant: str) -> LinePanel:
         x, y = run["t"][shown] - run["t"][start], 100.0 * run["clearance"][shown]
         lines.append(Series(name=CONTROLLER_NAMES[controller], x=x, y=y, colour=colour, dash=dash))
         at = np.flatnonzero(_expected(run)[shown])
-        if controller == "c-mpc" and len(at):
+        if controller == "c-mpc" and len(at) and x[at[-1]] - x[at[0]] > LASTING:
             spans = (Span(x0=float(x[at[0]]), x1=float(x[at[-1]]), name="C-MPC expects it to land at once"),)
     return LinePanel(
         title=f"{PLANT_NAMES[plant]}: {math.degrees(SHOWN_SLOPE):.1f} deg down, step {ON_RAMP + 1}",
