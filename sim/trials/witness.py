@@ -8,9 +8,6 @@ walks show none.
 """
 
 import math
-from collections import deque
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +20,8 @@ KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than th
 WINDOW = 0.04  # [s]
 GAP = 0.12  # [s], about a quarter of a step
 TOGETHER = 0.02  # [s]
+
+WIDTH = 18  # numbers remembered of a tick
 
 AT_LIMIT = 0.999  # share of a joint's limit at which it counts as saturated
 SLIDING = 0.1  # [m/s] of a foot along the ground; a stance foot at rest creeps by less than a hundredth of it
@@ -55,7 +54,8 @@ class Witness(NoTape):
     def __init__(self, period: float) -> None:
         """Args: period: of the ticks in [s]."""
         self._period = period
-        self._rows: deque[tuple[Any, ...]] = deque(maxlen=round(KEPT / period))
+        self._ring = np.empty((round(KEPT / period), WIDTH))  # states themselves would keep all their arrays alive
+        self._ticks = 0
         self._stance = 0  # row of the foot that stands, as the judge of the run sees it
         self._landed = 0.0  # [s]
         self._due = math.inf  # [s], when the swing foot should land
@@ -69,8 +69,11 @@ class Witness(NoTape):
         ahead = step.impact_in * self._period
         if self._due == math.inf and 0.0 <= ahead <= FORESEEN:
             self._due = state.t + ahead
-        y = step.y.copy()  # a view would keep the controller's whole prediction
-        self._rows.append((state, self._stance, self._landed, self._due, step.s, step.dtheta, step.fallback, y))
+        self._ring[self._ticks % len(self._ring)] = (
+            state.t, self._stance, self._landed, self._due, step.s, step.dtheta, step.fallback, *state.contact,
+            state.foot.item(self._stance, 0), *state.torque.tolist(), *step.y.tolist(),
+        )  # fmt: skip
+        self._ticks += 1
         self._t = state.t
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
@@ -85,7 +88,9 @@ class Witness(NoTape):
         Args:
             limits: Largest torques of the joints in [N.m], (4,), ordered as `JOINTS`; infinite where there are none.
         """
-        ticks = _Ticks(self._rows, self._period, np.asarray(limits))
+        first = self._ticks % len(self._ring) if self._ticks > len(self._ring) else 0
+        rows = np.roll(self._ring[: self._ticks], -first, axis=0)
+        ticks = _Ticks(rows, self._period, np.asarray(limits))
         began, cause = ticks.beginning()
         if self._sunk > SUNK and ticks.t[began] < AT_ONCE:
             cause = Cause.START
@@ -95,17 +100,15 @@ class Witness(NoTape):
 class _Ticks:
     """The remembered ticks as arrays, (n,) each."""
 
-    def __init__(self, rows: Sequence[tuple[Any, ...]], period: float, limits: Vector) -> None:
-        states, stance, landed, due, s, clock, fallback, y = zip(*rows, strict=True) if rows else ((),) * 8
+    def __init__(self, rows: Vector, period: float, limits: Vector) -> None:
+        self.t, stance, landed, due, self.s, self.clock, fallback, left, right, foot = rows[:, :10].T
+        torque, y = rows[:, 10:14].T, rows[:, 14:]
         self.period = period
-        self.t, self.stance = np.array([state.t for state in states]), np.array(stance, dtype=int)
-        self.since, self.late = self.t - np.array(landed), self.t - np.array(due)  # [s]
-        self.s, self.clock, self.fallback = np.array(s), np.array(clock), np.array(fallback, dtype=bool)
-        foot = np.array([state.foot[row, 0] for state, row in zip(states, stance, strict=True)])
-        torque = np.array([state.torque for state in states]).reshape(-1, 4).T
-        self.touches = np.array([state.contact for state in states], dtype=bool).reshape(-1, 2).T  # (2, n), left, right
+        self.stance, self.fallback = stance.astype(int), fallback > 0.0
+        self.since, self.late = self.t - landed, self.t - due  # [s]
+        self.touches = np.array((left, right)) > 0.0  # (2, n)
         self.saturated = np.abs(torque) >= AT_LIMIT * limits[:, None]  # (4, n)
-        self.output = np.abs(np.array(y).reshape(-1, 4)).max(axis=1, initial=0.0)
+        self.output = np.abs(y).max(axis=1, initial=0.0)
         stands, swings = self._of(self.stance), self._of(1 - self.stance)
         moved = np.abs(np.diff(foot, prepend=foot[:1]))
         same = np.diff(self.stance, prepend=self.stance[:1]) == 0
