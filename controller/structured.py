@@ -18,9 +18,9 @@ from controller.kernels import Array, compiled
 from controller.qp import Solution, Solver, StageQP, failed
 from controller.riccati import Factors, Problem, new_factors, rates, smooth_gradient
 
-EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 8, 1, 2  # most sweeps: as a rule, after a hard tick, after interior point
+EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 8, 1, 4  # most sweeps: as a rule, after a hard tick, after interior point
 INTERIOR_ITERATIONS = 40
-INTERIOR_TOLERANCES = (1e-7, 1e-10)  # relative; what is active shows at the first in most cases
+INTERIOR_TOLERANCES = (1e-5, 1e-7, 1e-10)  # relative; what is active shows at the first in most cases
 STATIONARY = 1e-4  # [N.m] residual of an answer that may be used
 AT_BOUND = 1e-7  # [N.m] what counts as sitting at a bound
 
