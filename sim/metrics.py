@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,14 +24,12 @@ class Durations:
         self._counts = np.zeros(2048, dtype=np.int64)
         self._longest = 0.0
 
-    def add(self, seconds: float) -> None:
-        """Count one duration in [s]."""
-        if seconds > self._longest:
-            self._longest = seconds
-        if seconds > self._SHORTEST:
-            self._counts[min(int(math.log(seconds / self._SHORTEST) / self._RATIO), 2047)] += 1
-        else:
-            self._counts[0] += 1
+    def add(self, seconds: Sequence[float]) -> None:
+        """Count durations in [s]."""
+        times = np.array(seconds)
+        self._longest = max(self._longest, float(times.max(initial=0.0)))
+        classes = (np.log(np.maximum(times, self._SHORTEST) / self._SHORTEST) / self._RATIO).astype(int)
+        self._counts += np.bincount(np.minimum(classes, len(self._counts) - 1), minlength=len(self._counts))
 
     def quantile(self, fraction: float) -> float:
         """Quantile in [s], within 1 %; 0 if nothing was counted."""
@@ -60,6 +59,8 @@ class Metrics:
         self.slack = 0.0
         self.solve = Durations()
         self.tick_time = Durations()
+        self._tick_s: list[float] = []
+        self._solve_s: list[float] = []
         self._y2 = 0.0
         self._torque2: Vector = np.zeros(4)
         self._start_x: float | None = None
@@ -74,18 +75,18 @@ class Metrics:
         """Take in one tick."""
         self.ticks += 1
         self._pending.append((state.torque, step.y, step.u_zd, step.u_mpc))
-        if len(self._pending) == BLOCK:
-            self._settle()
         self._slide(state, judge.stance)
         self.fallbacks += step.fallback
         self.slack = max(self.slack, step.slack)
-        self.tick_time.add(tick_s)
+        self._tick_s.append(tick_s)
         if step.solve_s:
-            self.solve.add(step.solve_s)
+            self._solve_s.append(step.solve_s)
         if judge.settled(state.t):
             tangential, normal = state.contact_force[judge.stance].tolist()
             if normal > 0.0:
                 self.friction_ratio = max(self.friction_ratio, abs(tangential) / normal)
+        if len(self._pending) == BLOCK:
+            self._settle()
 
     def _settle(self) -> None:
         """Add up the vectors of the ticks since the last time; in blocks, as one at a time costs ten times as much."""
@@ -93,6 +94,10 @@ class Metrics:
             return
         torque, y, u_zd, u_mpc = np.array(self._pending).transpose(1, 0, 2)
         self._pending.clear()
+        self.tick_time.add(self._tick_s)
+        self.solve.add(self._solve_s)
+        self._tick_s.clear()
+        self._solve_s.clear()
         np.maximum(self._peak_torque, np.abs(torque).max(axis=0), out=self._peak_torque)
         self._torque2 += np.square(torque).sum(axis=0)
         self._y2 += float(np.square(y).sum())

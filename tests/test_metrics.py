@@ -107,7 +107,7 @@ def test_quantiles_are_those_of_the_sample_within_a_percent():
     sample = rng.lognormal(math.log(1e-3), 1.0, 5000)
     durations = Durations()
     for seconds in sample:
-        durations.add(float(seconds))
+        durations.add([float(seconds)])
     for fraction in (0.1, 0.5, 0.9, 0.99):
         assert durations.quantile(fraction) == pytest.approx(np.quantile(sample, fraction), rel=0.015)
     assert durations.milliseconds()["max"] == pytest.approx(1e3 * sample.max(), abs=1e-4)
@@ -117,6 +117,6 @@ def test_quantiles_of_nothing_and_of_the_extremes():
     durations = Durations()
     assert durations.quantile(0.5) == 0.0
     for seconds in (0.0, 1e-9, 1e6):
-        durations.add(seconds)
+        durations.add([seconds])
     assert durations.milliseconds()["max"] == pytest.approx(1e9)
     assert 0.0 <= durations.quantile(0.1) <= durations.quantile(0.99) <= 1e6
