@@ -30,7 +30,7 @@ START = 1.0  # [m], behind two and a half steps of level ground
 STEP = 0.4  # [m]
 BEYOND = 4  # steps behind the ramp
 SHOWN_SLOPE, SHOWN_LENGTH = 0.03, 1.0  # [rad], [m] of the runs that are looked into
-LASTING = 0.005  # [s] for how long an expectation must be wrong to be shown
+SOON = 0.005  # [s] within which a landing confirms that it was expected
 ON_RAMP = 2  # steps completed when the first foot reaches for the ramp
 IN_THE_AIR = 1e-3  # [m] clearance above which a foot surely does not touch the ground
 STRIDE, RESOLUTION, STEEPEST = 0.04, 0.005, 0.6  # [rad]
@@ -89,8 +89,14 @@ def _fate(run: Arrays) -> str:
 
 
 def _expected(run: Arrays) -> np.ndarray:
-    """Whether the prediction has the swing foot land within the next tick while it is well above the ground, (n,)."""
-    found: np.ndarray = (run["impact_in"] == 1) & (run["clearance"] > IN_THE_AIR)
+    """Whether the prediction wrongly has the swing foot land within the next tick, (n,).
+
+    Wrongly is where the foot is well above the ground and does not land `SOON`.
+    """
+    t = run["t"]
+    landings = np.append(t[run["landed"][run["landed"] < len(t)]], np.inf)
+    in_vain = landings[np.searchsorted(landings, t)] - t > SOON
+    found: np.ndarray = (run["impact_in"] == 1) & (run["clearance"] > IN_THE_AIR) & in_vain
     return found
 
 
@@ -105,7 +111,7 @@ def _reasons(results: Results, plant: str) -> str:
     """What the runs over the same ramp show."""
     zd, mpc = (results[f"{plant}/{controller}/walk/down"] for controller in CONTROLLERS)
     early = _expected(mpc)
-    torque = float(np.abs(mpc["u_mpc"][early]).max()) if early.any() else 0.0
+    torque = float(np.abs(mpc["u_mpc"][early]).max(initial=0.0))
     down = (
         f"{PLANT_NAMES[plant]}, {math.degrees(SHOWN_SLOPE):.1f} deg down for {SHOWN_LENGTH:g} m: ZD+PD {_fate(zd)}, "
         f"C-MPC {_fate(mpc)}; in {int(early.sum())} ticks its prediction lands a foot at once that is in the air, and "
@@ -143,7 +149,7 @@ def _landing(results: Results, plant: str) -> LinePanel:
         x, y = run["t"][shown] - run["t"][start], 100.0 * run["clearance"][shown]
         lines.append(Series(name=CONTROLLER_NAMES[controller], x=x, y=y, colour=colour, dash=dash))
         at = np.flatnonzero(_expected(run)[shown])
-        if controller == "c-mpc" and len(at) and x[at[-1]] - x[at[0]] > LASTING:
+        if controller == "c-mpc" and len(at):
             spans = (Span(x0=float(x[at[0]]), x1=float(x[at[-1]]), name="C-MPC expects it to land at once"),)
     return LinePanel(
         title=f"{PLANT_NAMES[plant]}: {math.degrees(SHOWN_SLOPE):.1f} deg down, step {ON_RAMP + 1}",
