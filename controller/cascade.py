@@ -33,6 +33,9 @@ class Weights:
         return cls(Q_position=2.0 * gains.kp / T**2, Q_velocity=gains.kd / T, R=np.ones(4))
 
 
+PENALTY = 1e5  # [1/N^2] of a softened contact-force row
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Friction:
     """Contact-force limits of Eq. (21).
@@ -46,7 +49,7 @@ class Friction:
 
     mu: float
     normal_min: float
-    penalty: float = 1e5
+    penalty: float = PENALTY
 
 
 class CascadedMpc:

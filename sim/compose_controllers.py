@@ -1,8 +1,6 @@
 """Part of the composition root: what a controller believes, and the controller a scenario asks for."""
 
-import contextlib
 import functools
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,14 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller import kernels
-from controller.cascade import CascadedMpc, Friction, Weights
-from controller.errors import ControllerInputError
+from controller.cascade import PENALTY, CascadedMpc, Friction, Weights
 from controller.gait import Gait, load_gait
 from controller.model import WalkerModel
 from controller.qp import ROWS, Solver
 from controller.solvers import make_solver
 from controller.zero_dynamics import ZeroDynamicsController
-from sim.errors import UserError
+from sim.compose_errors import as_user_errors
 from sim.interface import Controller
 from sim.models import ModelFiles
 from sim.scenario import ControllerSettings, Scenario
@@ -42,14 +39,6 @@ class Belief:
     library: Path
 
 
-@contextlib.contextmanager
-def _as_user_errors() -> Iterator[None]:
-    try:
-        yield
-    except ControllerInputError as error:
-        raise UserError(str(error)) from error
-
-
 def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     """The controller's model and gait.
 
@@ -61,7 +50,7 @@ def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
         UserError: a file is missing, unreadable or not legal.
     """
     files = files or ModelFiles.of(scenario)
-    with _as_user_errors():
+    with as_user_errors():
         model = WalkerModel(files.urdf)
         return Belief(model=model, gait=load_gait(files.gait, model), library=files.library)
 
@@ -96,7 +85,7 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         hysteresis=fitting.hysteresis,
         most=fitting.most,
     )
-    with _as_user_errors():
+    with as_user_errors():
         return GaitFitting(law, belief.model, _family(belief), rule)
 
 
@@ -116,8 +105,7 @@ def _law(settings: ControllerSettings, belief: Belief, solver: Solver | None) ->
         return _ltv_cascade(settings, belief, gains)
     if settings.kind in ("clf-qp", "output-mpc"):
         return _rival(settings, belief, gains)
-    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min)
-    with _as_user_errors():
+    with as_user_errors():
         return CascadedMpc(
             belief.model,
             belief.gait,
@@ -125,9 +113,16 @@ def _law(settings: ControllerSettings, belief: Belief, solver: Solver | None) ->
             N=settings.horizon,
             T=settings.period,
             weights=_weights(settings, gains),
-            friction=friction if settings.friction_rows else None,
+            friction=_friction(settings),
             solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
         )
+
+
+def _friction(settings: ControllerSettings, penalty: float = PENALTY) -> Friction | None:
+    """The contact-force limits a scenario asks for, None for none."""
+    if not settings.friction_rows:
+        return None
+    return Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=penalty)
 
 
 def _weights(settings: ControllerSettings, gains: kernels.Gains) -> Weights:
@@ -144,7 +139,6 @@ def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Ga
     from controller.ltv.cascade import LtvCascade, LtvWeights  # compiled only where it is used
 
     ltv = settings.ltv
-    friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=ltv.force_penalty)
     return LtvCascade(
         belief.model,
         belief.gait,
@@ -163,7 +157,7 @@ def _ltv_cascade(settings: ControllerSettings, belief: Belief, gains: kernels.Ga
             last=ltv.last,
             torque_penalty=ltv.torque_penalty,
         ),
-        friction=friction if settings.friction_rows else None,
+        friction=_friction(settings, ltv.force_penalty),
         slope_memory=ltv.slope_memory,
     )
 
@@ -177,12 +171,11 @@ def _rival(settings: ControllerSettings, belief: Belief, gains: kernels.Gains) -
     law: Law
     if settings.kind == "clf-qp":
         clf = settings.clf
-        friction = Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=clf.force_penalty)
         law = ClfQp(
             Lyapunov.rapid(clf.epsilon),
             penalty=clf.penalty,
             limit=limit,
-            friction=friction if settings.friction_rows else None,
+            friction=_friction(settings, clf.force_penalty),
         )
     else:
         mpc = settings.output_mpc

@@ -3,8 +3,7 @@
 Beliefs only: nothing here touches a plant. That a designed gait walks in MuJoCo is for `cmpc run` to show.
 """
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -20,10 +19,10 @@ from controller.design.plot import plot
 from controller.design.plot_compare import plot_comparison
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
-from controller.errors import ControllerInputError
 from controller.gait import Gait, load_gait
 from controller.model import WalkerModel
 from controller.records import ROLES
+from sim.compose_errors import as_user_errors
 from sim.errors import UserError
 from sim.walkers import WalkerFolder
 
@@ -43,15 +42,6 @@ __all__ = [
 ]
 
 Say = Callable[[str], None]
-
-
-@contextlib.contextmanager
-def as_user_errors() -> Iterator[None]:
-    """What the controller's side refuses is a user's error here."""
-    try:
-        yield
-    except ControllerInputError as error:
-        raise UserError(str(error)) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

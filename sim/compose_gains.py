@@ -12,7 +12,8 @@ from controller.design import gains as gain_search
 from controller.design import gait_file
 from controller.kernels import Gains
 from sim import search
-from sim.compose_design import as_user_errors, belief
+from sim.compose_design import belief
+from sim.compose_errors import as_user_errors
 from sim.walkers import WalkerFolder
 
 PAPER = (60.0, 90.0, 90.0, 50.0, 10.0, 20.0, 20.0, 10.0)

@@ -13,7 +13,7 @@ from controller.gait import load_gait
 from controller.model import Link, WalkerModel
 from sim import walker_files
 from sim.compose import run_scenario
-from sim.compose_design import as_user_errors
+from sim.compose_errors import as_user_errors
 from sim.errors import UserError
 from sim.mechanics import ORDER, Mechanics
 from sim.outcome import Outcome
