@@ -64,8 +64,8 @@ class ComparingSolver:
                 gap = float(np.abs(solution.u[0] - refined(problem, reference.u)[0]).max())
             self.refined_gap = max(self.refined_gap, gap)
             best = problem.objective(reference.u)
-            gap = (problem.objective(solution.u) - best) / max(abs(best), 1.0)
-            self.objective_gap = max(self.objective_gap, gap)
+            excess = (problem.objective(solution.u) - best) / max(abs(best), 1.0)
+            self.objective_gap = max(self.objective_gap, excess)
         outside = np.maximum(problem.lower - solution.u, solution.u - problem.upper)
         self.violation = max(self.violation, float(outside.max()))
         return solution

@@ -60,7 +60,7 @@ def shape(walker: Walker, gait: GaitTable, s: Array, stage: Stage, out: Nodes) -
         for i in range(N_Q):
             gravity += stage.bias[i]
             for j in range(N_Q):
-                inertia += (stage.D[i, j] if j <= i else stage.D[j, i]) * stage.ddphi[j]
+                inertia += stage.D[i, j] * stage.ddphi[j]
         out.inertia[k] = inertia
         out.gravity[k] = gravity
 

@@ -20,8 +20,9 @@ Contact-force rows, which later versions have, are there unless switched off; th
 
 Tuning (`controller.rivals` says on what): e = 0.015 and p = 10 had the least mean RMS, 1.9 mrad, of e from 0.012 to
 0.02 and p from 1 to 100; a larger e is slower, a smaller one spends the friction under +20 N. A larger Q acts like a
-smaller e; its shape was left alone. Where a push saturates it the law is greedy and its torques chatter between their
-limits (push-25N: 203 of 1276 ticks jump by more than 20 N.m); p = 1 has next to none of that, and 40 % more RMS.
+smaller e; other shapes of Q, tried at e = 0.01 and without the +20 N, were no better. Where a push saturates it the law
+is greedy and its torques chatter between their limits (push-25N: 203 of 1276 ticks jump by more than 20 N.m); p = 1 has
+next to none of that, and 40 % more RMS.
 """
 
 import dataclasses
