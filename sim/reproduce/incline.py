@@ -89,14 +89,17 @@ def _fate(run: Arrays) -> str:
 
 
 def _expected(run: Arrays) -> np.ndarray:
-    """Whether the prediction wrongly has the swing foot land within the next tick, (n,).
+    """Whether the prediction has the swing foot land within the next tick, tick after tick and in vain, (n,).
 
-    Wrongly is where the foot is well above the ground and does not land `SOON`.
+    In vain is where the foot is well above the ground and does not land `SOON`. Once, where the foot passes the level
+    believed in, is no more than a belief that is wrong.
     """
     t = run["t"]
     landings = np.append(t[run["landed"][run["landed"] < len(t)]], np.inf)
     in_vain = landings[np.searchsorted(landings, t)] - t > SOON
-    found: np.ndarray = (run["impact_in"] == 1) & (run["clearance"] > IN_THE_AIR) & in_vain
+    wrong = (run["impact_in"] == 1) & (run["clearance"] > IN_THE_AIR) & in_vain
+    before, after = np.append(False, wrong[:-1]), np.append(wrong[1:], False)
+    found: np.ndarray = wrong & (before | after)
     return found
 
 
