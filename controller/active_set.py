@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.kernels import Array, compiled
+from controller.compiled import Array, compiled
 from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, newton_step, smooth_gradient
 
 TORQUE_TOLERANCE = 1e-9  # [N.m] beyond a bound

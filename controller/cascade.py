@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller import kernels
+from controller.compiled import compiled
 from controller.gait import Gait
 from controller.model import WalkerModel
 from controller.prediction import CorrectedHorizon, Horizon, predict
@@ -173,7 +174,7 @@ def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: F
     return problem
 
 
-@kernels.compiled
+@compiled
 def _errors(T, y, dy, Qp, Qd, weight, linear):  # type: ignore[no-untyped-def]
     """Cost of the error stack in w, Eqs. (14)-(17); stage k counts k times."""
     for k in range(weight.shape[0]):
@@ -182,7 +183,7 @@ def _errors(T, y, dy, Qp, Qd, weight, linear):  # type: ignore[no-untyped-def]
             linear[k, i] = (k + 1) * (0.5 * T * Qp[i] * y[k + 1, i] + Qd[i] * dy[k + 1, i])
 
 
-@kernels.compiled
+@compiled
 def _contact_rows(force, per_torque, mu, normal_min, rows, limits):  # type: ignore[no-untyped-def]
     """|F_T| <= mu F_N as two rows, which Eq. (21) is once F_N > 0, and F_N >= normal_min."""
     for k in range(rows.shape[0]):
@@ -196,7 +197,7 @@ def _contact_rows(force, per_torque, mu, normal_min, rows, limits):  # type: ign
         limits[k, 2] = force[k, 1] - normal_min
 
 
-@kernels.compiled
+@compiled
 def _fill(  # type: ignore[no-untyped-def]
     T, y, dy, u, force, per_torque, Qp, Qd, limit, mu, normal_min, weight, linear, lower, upper, rows, limits
 ):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.active_set import Guess
+from controller.compiled import Array, compiled
 from controller.fours import (
     dot,
     larger,
@@ -28,7 +29,6 @@ from controller.fours import (
     total,
     vector,
 )
-from controller.kernels import Array, compiled
 from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, newton_step, rates, smooth_gradient, step
 
 TO_BOUNDARY = 0.995  # share of the way to the nearest bound that a step may go

@@ -13,20 +13,12 @@ units. Small loops are written out because LAPACK calls cost more than the arith
 """
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-compiled = njit(cache=True, error_model="numpy")
-"""Compile, keep on disk, and divide as NumPy does: a walker that falls gives inf, not an exception."""
-
-inlined = njit(cache=True, error_model="numpy", forceinline=True)
-"""The same, into the caller's body: to hand a `Stage` over takes longer than most of what is done with it."""
+from controller.compiled import Array, compiled, inlined
 
 N_Q = 5  # coordinates: stance hip, swing hip, stance knee, swing knee, torso
 N_U = 4  # actuated joints
@@ -508,9 +500,3 @@ def rollout(
         out.y[N, i] = stage.y[i]
         out.dy[N, i] = stage.dy[i]
     return theta0, dtheta0
-
-
-def on_disk(kernel: str) -> bool:
-    """Whether a compiled kernel lies in the cache beside the source (or where NUMBA_CACHE_DIR says)."""
-    folder = rollout.stats.cache_path
-    return folder is not None and any(Path(folder).glob(f"{Path(__file__).stem}.{kernel}-*.nbc"))

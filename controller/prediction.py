@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller import kernels
+from controller.compiled import compiled
 from controller.gait import Gait
 from controller.model import WalkerModel
 from controller.records import StanceState, Vector
@@ -13,7 +14,7 @@ from controller.records import StanceState, Vector
 ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers
 
 
-@kernels.compiled
+@compiled
 def _within(a, bound):  # type: ignore[no-untyped-def]
     """Whether every magnitude is below a bound, which NaN is not."""
     for value in a:

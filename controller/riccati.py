@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.compiled import Array, compiled
 from controller.fours import (
     Matrix4,
     Vector4,
@@ -42,7 +43,6 @@ from controller.fours import (
     transposed,
     vector,
 )
-from controller.kernels import Array, compiled
 
 FREE, AT_LOWER, AT_UPPER = 0, -1, 1
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from controller import active_set, interior_point
 from controller.active_set import Guess
+from controller.compiled import Array, compiled
 from controller.interior_point import Point
-from controller.kernels import Array, compiled
 from controller.qp import Solution, Solver, StageQP, failed
 from controller.riccati import Factors, Problem, new_factors, rates, smooth_gradient
 

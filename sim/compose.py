@@ -10,6 +10,7 @@ import numpy as np
 from controller import kernels
 from controller.cascade import CascadedMpc
 from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
+from controller.compiled import on_disk
 from controller.qp import Solver
 from controller.solvers import make_solver
 from sim import provenance
@@ -137,7 +138,7 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
         observation: Anything legal.
         announce: Told a line for the user where compiling will take long.
     """
-    if announce and not kernels.on_disk("rollout" if isinstance(controller, CascadedMpc) else "outputs"):
+    if announce and not on_disk(kernels.rollout if isinstance(controller, CascadedMpc) else kernels.zero_dynamics):
         announce("compiling kernels, once, about 20 s")
     controller.step(observation)
 

@@ -9,15 +9,13 @@ the ground pushes, give F. Joint vectors (5,) are ordered as `sim.interface.COOR
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from controller.compiled import compiled
 
 Array = NDArray[np.float64]
 Work = NDArray[np.void]
 """One record of `WORK`, (1,): handing over one argument costs a tenth of handing over ten."""
-
-compiled = njit(cache=True, error_model="numpy")
-"""Divide as NumPy does: a walker that falls gives inf, which the plant reports, not an exception."""
 
 TORSO = 4
 HIP_X, HIP_Z = 0, 1

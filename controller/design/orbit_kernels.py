@@ -3,12 +3,17 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from controller import kernels
-from controller.kernels import N_Q, N_U, Array, Gains, GaitTable, Stage, Walker
-
-compiled = njit(cache=True, error_model="numpy")
+from controller.compiled import Array, compiled
+from controller.kernels import (
+    N_Q,
+    N_U,
+    Gains,
+    GaitTable,
+    Stage,
+    Walker,
+)
 
 
 class Nodes(NamedTuple):

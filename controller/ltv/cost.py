@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.kernels import Array, compiled
+from controller.compiled import Array, compiled
 from controller.ltv.horizon import LtvHorizon
 from controller.ltv.orbit import Orbit, nominal_rate
 from controller.ltv.problem import LtvProblem

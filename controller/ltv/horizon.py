@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller import kernels
-from controller.kernels import Array, Gains, GaitTable, Walker, compiled
+from controller.compiled import Array, compiled
+from controller.kernels import Gains, GaitTable, Walker
 from controller.ltv.coordinates import N_Z, from_output, to_output
 from controller.ltv.landing import Ground, clearance, land
 from controller.ltv.linearisation import derive, new_derivatives

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controller import kernels
-from controller.kernels import Array, Gains, GaitTable, Walker, cholesky5_solve, compiled
+from controller.compiled import Array, compiled
+from controller.kernels import Gains, GaitTable, Walker, cholesky5_solve
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, from_output, link_jacobian, to_output
 from controller.ltv.motion import COLUMNS, accelerate
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from controller import kernels
-from controller.kernels import Array, Gains, GaitTable, compiled
+from controller.compiled import Array, compiled
+from controller.kernels import Gains, GaitTable
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y
 from controller.ltv.linearisation import Derivatives
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controller import kernels
+from controller.compiled import Array, compiled
 from controller.gait import Gait
-from controller.kernels import Array, compiled
 from controller.model import WalkerModel
 
 STEPS = 60  # to settle on the periodic orbit

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.kernels import Array, compiled
+from controller.compiled import Array, compiled
 from controller.ltv.coordinates import N_Z
 
 FREE, AT_LOWER, AT_UPPER = 0, -1, 1

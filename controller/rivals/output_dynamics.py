@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller import kernels
+from controller.compiled import compiled
 from controller.gait import Gait
-from controller.kernels import compiled
 from controller.model import WalkerModel
 from controller.records import Vector
 

@@ -1,0 +1,124 @@
+"""The one module that compiles, and that knows where compiled kernels are kept.
+
+Numba stamps a compiled function on disk with that function's own file, not with the files of what it calls: after an
+edit of a callee the caller would go on running the old one. So every module's kernels are kept in a folder named by
+a digest of the module, of every module of this project that it imports, and of the versions that compile them.
+
+Common ground of both worlds: it knows nothing of a walker.
+"""
+
+import functools
+import hashlib
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import llvmlite  # type: ignore[import-untyped]
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CACHE_VARIABLE = "NUMBA_CACHE_DIR"
+ROOT = Path(__file__).resolve().parent.parent
+"""Folder of the project's packages."""
+
+_IMPORT = re.compile(r"^\s*(?:from\s+((?:controller|sim)[\w.]*)\s+import\s+(\([^)]*\)|.*)|import\s+(.+))$", re.M)
+_NAME = re.compile(r"\w+")
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile, keep on disk, and divide as NumPy does: a walker that falls gives inf, not an exception."""
+    return _kept(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """The same, into the caller's body: to hand a record of arrays over takes longer than the work on it."""
+    return _kept(function, forceinline=True)
+
+
+def on_disk(kernel: Any) -> bool:
+    """Whether a kernel needs no compiling: its machine code lies in the cache for this processor."""
+    folder = Path(kernel.stats.cache_path)
+    return any(folder.glob(f"*.{kernel.py_func.__qualname__}-*.nbc")) if folder.is_dir() else False
+
+
+def _kept(function: Callable[..., Any], forceinline: bool = False) -> Any:
+    module = sys.modules[function.__module__]
+    folder = cache_root() / f"{function.__module__}-{digest(Path(str(module.__file__)))}"
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    return numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
+
+
+@functools.cache
+def cache_root() -> Path:
+    """Where kernels are kept: `NUMBA_CACHE_DIR`, or beside this file, or in the user's cache, or for this run alone."""
+    if chosen := os.environ.get(CACHE_VARIABLE):
+        return Path(chosen)
+    user = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    for folder in (Path(__file__).resolve().parent / "__pycache__" / "kernels", user / "cmpc-walker"):
+        if _writable(folder):
+            return folder
+    temporary = tempfile.TemporaryDirectory(prefix="cmpc-kernels-")
+    _TEMPORARY.append(temporary)
+    os.environ[CACHE_VARIABLE] = temporary.name  # for worker processes
+    print(
+        f"cmpc: compiled kernels are kept for this run alone; set {CACHE_VARIABLE} to a writable folder to keep them",
+        file=sys.stderr,
+    )
+    return Path(temporary.name)
+
+
+_TEMPORARY: list[Any] = []
+"""Removed when the process ends."""
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+@functools.cache
+def digest(file: Path) -> str:
+    """Digest of a module's source, of the project's modules it imports, directly or not, and of the compilers."""
+    state = hashlib.blake2b(digest_size=8)
+    state.update(repr((sys.version_info[:2], numba.__version__, llvmlite.__version__, np.__version__)).encode())
+    for source in sorted(_closure(file)):
+        state.update(_text(source).encode())
+    return state.hexdigest()
+
+
+def _closure(file: Path) -> set[Path]:
+    """The file and every file of this project that it imports, directly or not."""
+    reached, waiting = {file}, [file]
+    while waiting:
+        for source in _imports(waiting.pop()) - reached:
+            reached.add(source)
+            waiting.append(source)
+    return reached
+
+
+@functools.cache
+def _text(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+@functools.cache
+def _imports(file: Path) -> frozenset[Path]:
+    """Files of the modules of this project named in a file's import statements."""
+    found = set()
+    for package, names, plain in _IMPORT.findall(_text(file)):
+        dotted = [package, *(f"{package}.{name}" for name in _NAME.findall(names))] if package else plain.split(",")
+        for name in dotted:
+            path = ROOT.joinpath(*name.split(" as ")[0].strip().split("."))
+            found |= {source for source in (path.with_suffix(".py"), path / "__init__.py") if source.is_file()}
+    return frozenset(found)
