@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
+from controller.belief.stance import StanceEstimator
 from controller.compiled import compiled
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.prediction import CorrectedHorizon, Horizon, predict
 from controller.qp import ROWS, Solver, StageQP, failed
 from controller.records import ControlStep, Observation, Vector
-from controller.stance import StanceEstimator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

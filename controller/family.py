@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.belief.gait import Gait
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import CLOCK, NoPosture, Parametrisation, elevate, with_rates
 from controller.errors import ControllerInputError
-from controller.gait import Gait
 from controller.library import GaitLibrary
 from controller.records import Vector
 

@@ -21,11 +21,11 @@ they see.
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
+from controller.belief.stance import StanceEstimator
 from controller.family import GaitFamily
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import TORSO, ControlStep, Observation, StanceState, Vector
-from controller.stance import StanceEstimator
 
 
 class Follower(Protocol):

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.belief.gait import Gait, load_gait
+from controller.belief.model import WalkerModel
 from controller.design.orbit import periodic_orbit
 from controller.design.parameters import Parametrisation, with_rates
 from controller.errors import ControllerInputError
-from controller.gait import Gait, load_gait
-from controller.model import WalkerModel
 from controller.records import Vector
 
 FILE = re.compile(r"L(\d+\.\d+)-v(\d+\.\d+)\.toml")

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.compiled import compiled
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import StanceState, Vector
 
 ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller import kernels
-from controller.gait import Gait
-from controller.model import WalkerModel
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
+from controller.belief.stance import StanceEstimator
 from controller.records import ControlStep, Observation, Vector
-from controller.stance import StanceEstimator
 
 NO_TORQUE = np.zeros(4)  # [N.m]
 NO_RESIDUALS = np.zeros(3)

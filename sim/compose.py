@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
 from controller.cascade import CascadedMpc
 from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
 from controller.compiled import on_disk

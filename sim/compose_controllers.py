@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait, load_gait
+from controller.belief.model import WalkerModel
 from controller.cascade import PENALTY, CascadedMpc, Friction, Weights
-from controller.gait import Gait, load_gait
-from controller.model import WalkerModel
 from controller.qp import ROWS, Solver
 from controller.solvers import make_solver
 from controller.zero_dynamics import ZeroDynamicsController

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from controller import library
+from controller.belief.gait import Gait, load_gait
+from controller.belief.model import WalkerModel
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
 from controller.design.compare import Comparison, compare
@@ -19,8 +21,6 @@ from controller.design.plot import plot
 from controller.design.plot_compare import plot_comparison
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
-from controller.gait import Gait, load_gait
-from controller.model import WalkerModel
 from controller.records import ROLES
 from sim.compose_errors import as_user_errors
 from sim.errors import UserError

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from controller.belief.kernels import Gains
 from controller.design import gains as gain_search
 from controller.design import gait_file
-from controller.kernels import Gains
 from sim import search
 from sim.compose_design import belief
 from sim.compose_errors import as_user_errors

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from controller.belief.gait import load_gait
+from controller.belief.model import Link, WalkerModel
 from controller.design.check import check, requirements_of
 from controller.errors import ControllerInputError
-from controller.gait import load_gait
-from controller.model import Link, WalkerModel
 from sim import walker_files
 from sim.compose import run_scenario
 from sim.compose_errors import as_user_errors

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from conftest import RABBIT
 
+from controller.belief.model import WalkerModel
 from controller.design.optimise import design
 from controller.design.requirements import Requirements
 from controller.errors import ControllerInputError
-from controller.model import WalkerModel
 
 SPREAD = 0.3
 

@@ -10,8 +10,8 @@ import pytest
 from conftest import RABBIT
 from fakes import Step
 
-from controller.gait import load_gait
-from controller.model import WalkerModel
+from controller.belief.gait import load_gait
+from controller.belief.model import WalkerModel
 from sim import compose, compose_controllers
 from sim.interface import COORDINATES
 from sim.log_reader import read_log

@@ -7,6 +7,9 @@ import pytest
 from conftest import RABBIT
 from random_walkers import random_model
 
+from controller.belief.gait import load_gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
 from controller.design import gait_file, orbit_kernels
 from controller.design.check import check, invariance_error, requirements_of
 from controller.design.compare import compare
@@ -20,10 +23,7 @@ from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.design.transverse import transverse_eigenvalues
 from controller.errors import ControllerInputError
-from controller.gait import load_gait
-from controller.kernels import Gains
 from controller.library import GaitLibrary, file_name
-from controller.model import WalkerModel
 
 PAPER_EIGENVALUE = 0.75
 

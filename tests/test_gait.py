@@ -7,9 +7,9 @@ import oracle
 import pytest
 from conftest import RABBIT
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import load_gait, power_basis
 from controller.errors import ControllerInputError
-from controller.gait import load_gait, power_basis
 
 PAPER = (RABBIT / "gaits" / "paper.toml").read_text()
 

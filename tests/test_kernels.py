@@ -4,7 +4,7 @@ import numpy as np
 import oracle
 import pytest
 
-from controller import kernels
+from controller.belief import kernels
 
 STATES = 1000
 TOLERANCE = 1e-10  # relative to the largest entry of each quantity

@@ -94,7 +94,7 @@ def test_a_reset_forgets_everything(belief):
 
     first = ticks()
     controller.step(seen(belief.gait.q_minus, belief.gait.dq_minus, landed=True))
-    assert controller.stance.leg.value == "right"
+    assert controller.belief.stance.leg.value == "right"
     assert all((a == b).all() for a, b in zip(first, ticks(), strict=True))
     assert not (first[0] == first[1]).all()  # the plan of the last tick is the start of the next
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from controller import kernels
+from controller.belief import kernels
 from controller.ltv.coordinates import N_Z, from_output, to_output
 from controller.ltv.horizon import look_ahead, new_horizon
 from controller.ltv.landing import Ground, impact_jacobian

@@ -7,8 +7,8 @@ import oracle
 import pytest
 from conftest import RABBIT
 
+from controller.belief.model import B, WalkerModel, lump
 from controller.errors import ControllerInputError
-from controller.model import B, WalkerModel, lump
 from controller.records import Leg, swap_legs
 
 URDF = (RABBIT / "rabbit.urdf").read_text()

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from controller.model import WalkerModel
+from controller.belief.model import WalkerModel
 from sim.plant import MujocoPlant
 from sim.rigid import RigidPlant
 from sim.scenario import PlantSettings

@@ -399,7 +399,7 @@ def test_every_experiment_is_there_and_says_what_it_needs() -> None:
     import importlib
 
     for name in EXPERIMENTS:
-        module = importlib.import_module(f"sim.reproduce.{name}")
+        module = importlib.import_module(f"sim.reproduce.experiments.{name}")
         quick, full = module.tasks(Effort(quick=True)), module.tasks(Effort())
         assert quick
         assert sum(t.cost for t in quick.values()) <= sum(t.cost for t in full.values())

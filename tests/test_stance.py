@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from controller.belief.stance import StanceEstimator
 from controller.records import Leg, swap_legs
-from controller.stance import StanceEstimator
 from sim.interface import Observation
 
 AHEAD, BEHIND = True, False

@@ -4,12 +4,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from controller.belief.gait import Gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.poincare import NoReturn, ReturnMap, return_map
 from controller.design.requirements import Margin, Requirements, margins
-from controller.gait import Gait
-from controller.kernels import Gains
-from controller.model import WalkerModel
 from controller.records import ACTUATED
 
 PERIODIC = 1e-6

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import elevate
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import NORMAL, ROLES, TANGENTIAL, Vector
 
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.belief.gait import Gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
 from controller.design.poincare import NoReturn, return_map, step
-from controller.gait import Gait
-from controller.kernels import Gains
-from controller.model import WalkerModel
 
 LOWEST = np.array([5.0] * 4 + [2.0] * 4)  # [1/s^2], [1/s]
 HIGHEST = np.array([800.0] * 4 + [80.0] * 4)

@@ -1,13 +1,13 @@
-"""Write a gait as the file that `controller.gait.load_gait` reads."""
+"""Write a gait as the file that `controller.belief.gait.load_gait` reads."""
 
 import os
 import tempfile
 from pathlib import Path
 
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit
 from controller.errors import ControllerInputError
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import Vector
 
 

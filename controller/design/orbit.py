@@ -15,11 +15,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.design import orbit_kernels
 from controller.design.orbit_kernels import Nodes
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import Vector
 
 NODES = 49

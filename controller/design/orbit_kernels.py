@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller import kernels
-from controller.compiled import Array, compiled
-from controller.kernels import (
+from controller.belief import kernels
+from controller.belief.kernels import (
     N_Q,
     N_U,
     Gains,
@@ -14,6 +13,7 @@ from controller.kernels import (
     Stage,
     Walker,
 )
+from controller.compiled import Array, compiled
 
 
 class Nodes(NamedTuple):

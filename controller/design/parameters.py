@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.design import orbit_kernels
 from controller.design.orbit import Orbit, periodic_orbit
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import STANCE_HIP, STANCE_KNEE, SWING_HIP, SWING_KNEE, TORSO, Vector, swap_legs
 
 CLOCK = np.array([-1.0, 0.0, -0.5, 0.0, -1.0])

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit
 from controller.errors import ControllerInputError
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import (
     NORMAL,
     ROLES,

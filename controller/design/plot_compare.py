@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from controller.belief.model import WalkerModel
 from controller.design.compare import Comparison
 from controller.design.plot import COLOURS, FLOOR, label, links, panels, save
-from controller.model import WalkerModel
 from controller.records import ROLES, TORSO
 
 DASHED, THROUGH = "--", "-"

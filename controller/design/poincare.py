@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
 from controller.design import orbit_kernels
-from controller.gait import Gait
-from controller.kernels import Gains
-from controller.model import WalkerModel
 from controller.records import Vector
 
 STEP = 2.5e-4  # [s] integration: the orbit's error after a step is below 1e-11

@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.optimize import least_squares
 
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.design.orbit import periodic_orbit
 from controller.design.parameters import Parametrisation, with_rates
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import Vector
 
 LAST_DIGIT = 0.005

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
+from controller.belief.model import WalkerModel
 from controller.design.orbit import periodic_orbit, quadrature
 from controller.design.parameters import NoPosture, Parametrisation
 from controller.design.requirements import Requirements, margins
-from controller.model import WalkerModel
 from controller.records import Vector
 
 Cost = Literal["torque", "work"]

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.belief.gait import Gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit
 from controller.design.transverse import transverse_eigenvalues
-from controller.gait import Gait
-from controller.kernels import Gains
-from controller.model import WalkerModel
 from controller.records import NORMAL, STANCE_KNEE, SWING_KNEE, TANGENTIAL, TORSO, Vector
 
 KNEES = [STANCE_KNEE, SWING_KNEE]

@@ -7,11 +7,11 @@ hybrid invariant gait the Poincare map is block triangular, so these eigenvalues
 
 import numpy as np
 
+from controller.belief.gait import Gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
 from controller.design import orbit_kernels
 from controller.design.orbit import Orbit
-from controller.gait import Gait
-from controller.kernels import Gains
-from controller.model import WalkerModel
 
 LONGEST = 5.0  # [s] a step; no walk has one, an optimiser's trial may
 UNBOUNDED = 1e3  # stands for the eigenvalues of a trial so wild that they are not finite

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.belief.gait import Gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
+from controller.belief.stance import StanceEstimator
 from controller.cascade import Friction
-from controller.gait import Gait
-from controller.kernels import Gains
 from controller.ltv import plan
 from controller.ltv.cost import Cost
 from controller.ltv.landing import Ground
 from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
 from controller.ltv.problem import residuals
-from controller.model import WalkerModel
 from controller.records import ControlStep, Observation, StanceState, Vector
-from controller.stance import StanceEstimator
 
 BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
 BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not

@@ -3,9 +3,9 @@
 With J = H [I; -c_a/c_5] the link angles are phi = J (y + h(theta)) + theta/c_5, and j = dphi/dtheta = J h' + 1/c_5.
 """
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.kernels import GaitTable
 from controller.compiled import Array, compiled
-from controller.kernels import GaitTable
 
 N_Z = 10
 Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z

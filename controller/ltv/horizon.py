@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.kernels import Gains, GaitTable, Walker
 from controller.compiled import Array, compiled
-from controller.kernels import Gains, GaitTable, Walker
 from controller.ltv.coordinates import N_Z, from_output, to_output
 from controller.ltv.landing import Ground, clearance, land
 from controller.ltv.linearisation import derive, new_derivatives

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.kernels import Gains, GaitTable, Walker, cholesky5_solve
 from controller.compiled import Array, compiled
-from controller.kernels import Gains, GaitTable, Walker, cholesky5_solve
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, from_output, link_jacobian, to_output
 from controller.ltv.motion import COLUMNS, accelerate
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.kernels import Gains, GaitTable
 from controller.compiled import Array, compiled
-from controller.kernels import Gains, GaitTable
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y
 from controller.ltv.linearisation import Derivatives
 

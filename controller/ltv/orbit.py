@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.compiled import Array, compiled
-from controller.gait import Gait
-from controller.model import WalkerModel
 
 STEPS = 60  # to settle on the periodic orbit
 DT = 2e-4  # [s]

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.belief.kernels import Gains, GaitTable, Walker
 from controller.compiled import Array, compiled
-from controller.kernels import Gains, GaitTable, Walker
 from controller.ltv.cost import FORCE_ROWS, ROWS, Cost, excess, model, new_problem, objective
 from controller.ltv.horizon import LtvHorizon, look_ahead, new_horizon
 from controller.ltv.landing import Ground

@@ -9,13 +9,13 @@ from typing import Protocol
 
 import numpy as np
 
-from controller.gait import Gait
-from controller.kernels import Gains
-from controller.model import WalkerModel
+from controller.belief.gait import Gait
+from controller.belief.kernels import Gains
+from controller.belief.model import WalkerModel
+from controller.belief.stance import StanceEstimator
 from controller.records import ControlStep, Observation, Plan, Vector
 from controller.rivals.dense_qp import Answer, no_answer
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics
-from controller.stance import StanceEstimator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.gait import Gait
+from controller.belief.model import WalkerModel
 from controller.compiled import compiled
-from controller.gait import Gait
-from controller.model import WalkerModel
 from controller.records import Vector
 
 

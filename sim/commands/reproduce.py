@@ -86,7 +86,7 @@ def _reproduce(
     draw.require()
     store = tasks.Store(out / "tasks")
     effort = Effort(quick=quick, changes=changes)
-    modules = {name: importlib.import_module(f"sim.reproduce.{name}") for name in EXPERIMENTS}
+    modules = {name: importlib.import_module(f"sim.reproduce.experiments.{name}") for name in EXPERIMENTS}
     wanted = {name: module.tasks(effort) for name, module in modules.items()}
     everything = {f"{name}:{key}": task for name in names for key, task in wanted[name].items()}
     open_tasks = {name: len(wanted[name]) for name in names}

@@ -18,7 +18,7 @@ from sim.errors import UserError
 from sim.reproduce.study import Task
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ("controller/*.py", "sim/*.py", "models/*/*.xml", "models/*/*.urdf", "models/*/gaits/*.toml")
+SOURCES = ("controller/**/*.py", "sim/**/*.py", "models/*/*.xml", "models/*/*.urdf", "models/*/gaits/*.toml")
 """Files whose change makes every stored result stale; so does that of the task's own module."""
 
 SLICE = 0.2  # [s] between looks at the clock

@@ -1,6 +1,6 @@
 """Which leg stands: the controller's own view, from joint angles and two contact flags."""
 
-from controller.model import WalkerModel
+from controller.belief.model import WalkerModel
 from controller.records import Leg, Observation, StanceState
 
 

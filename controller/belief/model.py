@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from controller import kernels
+from controller.belief import kernels
 from controller.errors import ControllerInputError
 from controller.records import Vector
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from controller import kernels
+from controller.belief import kernels
+from controller.belief.model import WalkerModel
 from controller.errors import ControllerInputError
-from controller.model import WalkerModel
 from controller.records import ACTUATED, Vector, swap_legs
 
 _N_Q, _N_U = kernels.N_Q, kernels.N_U

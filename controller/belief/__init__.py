@@ -1,0 +1,1 @@
+"""What the controller believes of the walker: its model, its gait, which leg stands, what contact may bear."""
