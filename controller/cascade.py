@@ -10,7 +10,7 @@ from controller.belief.model import WalkerModel
 from controller.belief.stance import StanceEstimator
 from controller.compiled import compiled
 from controller.prediction import CorrectedHorizon, Horizon, predict
-from controller.qp import ROWS, Solver, StageQP, failed
+from controller.qp.problem import ROWS, Solver, StageQP, failed
 from controller.records import ControlStep, Observation, Vector
 
 

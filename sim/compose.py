@@ -9,10 +9,10 @@ import numpy as np
 
 from controller.belief import kernels
 from controller.cascade import CascadedMpc
-from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel
 from controller.compiled import on_disk
-from controller.qp import Solver
-from controller.solvers import make_solver
+from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
+from controller.qp.problem import Solver
+from controller.qp.solvers import make_solver
 from sim import provenance
 from sim.actuation import Actuation
 from sim.compose_controllers import Belief, build_controller, known_belief, load_belief

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from controller.cascade import CascadedMpc, Friction, Weights, build_problem
 from controller.prediction import predict
-from controller.qp import ROWS, failed
+from controller.qp.problem import ROWS, failed
+from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
-from controller.solvers import make_solver
 from sim.interface import Observation
 from sim.scenario import ControllerSettings
 

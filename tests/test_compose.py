@@ -160,7 +160,7 @@ def test_a_crash_in_mid_run_leaves_a_readable_log(tmp_path, monkeypatch):
 
 
 def test_a_solver_that_never_answers_walks_on_zd_pd_and_is_counted(tmp_path, monkeypatch):
-    from controller.qp import failed
+    from controller.qp.problem import failed
 
     class Mute:
         def reset(self):

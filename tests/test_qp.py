@@ -9,9 +9,9 @@ import pytest
 from controller.cascade import Friction, Weights, build_problem
 from controller.errors import ControllerInputError
 from controller.prediction import predict
-from controller.qp import StageQP, failed
+from controller.qp.problem import StageQP, failed
+from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
-from controller.solvers import make_solver
 from sim.scenario import ControllerSettings
 
 N, T = 20, 1e-3

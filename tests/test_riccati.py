@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from controller import active_set, interior_point, riccati, structured
-from controller.comparison import ComparingSolver, compare_solvers, exact_clarabel, refined
-from controller.qp import SparseSolver, StageQP
-from controller.solvers import make_solver
+from controller.qp import active_set, interior_point, riccati
+from controller.qp import riccati_solver as structured
+from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel, refined
+from controller.qp.problem import SparseSolver, StageQP
+from controller.qp.solvers import make_solver
 
 N, R = 12, 3
 

@@ -6,12 +6,12 @@ import numpy as np
 import oracle
 import pytest
 
-from controller import structured
 from controller.cascade import CascadedMpc, Friction, Weights, build_problem
 from controller.prediction import predict
-from controller.qp import ROWS, failed
+from controller.qp import riccati_solver as structured
+from controller.qp.problem import ROWS, failed
+from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
-from controller.solvers import make_solver
 from sim.interface import Observation
 
 N, T = 30, 1e-3

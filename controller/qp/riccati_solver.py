@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller import active_set, interior_point
-from controller.active_set import Guess
 from controller.compiled import Array, compiled
-from controller.interior_point import Point
-from controller.qp import Solution, Solver, StageQP, failed
-from controller.riccati import Factors, Problem, new_factors, rates, smooth_gradient
+from controller.qp import active_set, interior_point
+from controller.qp.active_set import Guess
+from controller.qp.interior_point import Point
+from controller.qp.problem import Solution, Solver, StageQP, failed
+from controller.qp.riccati import Factors, Problem, new_factors, rates, smooth_gradient
 
 EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 8, 1, 4  # most sweeps: as a rule, after a hard tick, after interior point
 INTERIOR_ITERATIONS = 40

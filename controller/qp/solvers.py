@@ -3,8 +3,8 @@
 import qpsolvers
 
 from controller.errors import ControllerInputError
-from controller.qp import Solver, SparseSolver
-from controller.structured import RiccatiSolver
+from controller.qp.problem import Solver, SparseSolver
+from controller.qp.riccati_solver import RiccatiSolver
 
 RICCATI = "riccati"
 NEXT_IN_LINE = ("piqp", "clarabel")

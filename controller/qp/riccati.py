@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.compiled import Array, compiled
-from controller.fours import (
+from controller.qp.fours import (
     Matrix4,
     Vector4,
     combined,

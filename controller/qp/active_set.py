@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.compiled import Array, compiled
-from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, newton_step, smooth_gradient
+from controller.qp.riccati import (
+    AT_LOWER,
+    AT_UPPER,
+    FREE,
+    Factors,
+    Problem,
+    newton_step,
+    smooth_gradient,
+)
 
 TORQUE_TOLERANCE = 1e-9  # [N.m] beyond a bound
 GRADIENT_TOLERANCE = 1e-6  # [cost/(N.m)] of the wrong sign at a bound

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.active_set import Guess
 from controller.compiled import Array, compiled
-from controller.fours import (
+from controller.qp.active_set import Guess
+from controller.qp.fours import (
     dot,
     larger,
     largest,
@@ -29,7 +29,17 @@ from controller.fours import (
     total,
     vector,
 )
-from controller.riccati import AT_LOWER, AT_UPPER, FREE, Factors, Problem, newton_step, rates, smooth_gradient, step
+from controller.qp.riccati import (
+    AT_LOWER,
+    AT_UPPER,
+    FREE,
+    Factors,
+    Problem,
+    newton_step,
+    rates,
+    smooth_gradient,
+    step,
+)
 
 TO_BOUNDARY = 0.995  # share of the way to the nearest bound that a step may go
 FEASIBLE = 1e-7  # [N]
