@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from controller.belief import kernels
-from controller.cascade import CascadedMpc
+from controller.cmpc.cascade import CascadedMpc
 from controller.compiled import on_disk
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
 from controller.qp.problem import Solver

@@ -10,10 +10,10 @@ import numpy as np
 from controller.belief import kernels
 from controller.belief.gait import Gait, load_gait
 from controller.belief.model import WalkerModel
-from controller.cascade import PENALTY, CascadedMpc, Friction, Weights
+from controller.cmpc.cascade import PENALTY, CascadedMpc, Friction, Weights
+from controller.cmpc.zero_dynamics import ZeroDynamicsController
 from controller.qp.problem import ROWS, Solver
 from controller.qp.solvers import make_solver
-from controller.zero_dynamics import ZeroDynamicsController
 from sim.compose_errors import as_user_errors
 from sim.interface import Controller
 from sim.models import ModelFiles

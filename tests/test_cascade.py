@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.cascade import CascadedMpc, Friction, Weights, build_problem
-from controller.prediction import predict
+from controller.cmpc.cascade import CascadedMpc, Friction, Weights, build_problem
+from controller.cmpc.prediction import predict
 from controller.qp.problem import ROWS, failed
 from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState

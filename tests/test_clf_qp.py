@@ -6,7 +6,7 @@ import qpsolvers
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.cascade import Friction
+from controller.cmpc.cascade import Friction
 from controller.rivals.clf_qp import ClfQp, F, G, Lyapunov
 from controller.rivals.output_dynamics import output_dynamics
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.cascade import Friction
+from controller.cmpc.cascade import Friction
 from controller.ltv.cascade import LtvWeights
 from controller.ltv.cost import ROWS, new_problem, objective
 from controller.ltv.cost import model as quadratic

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.rivals.output_dynamics import output_dynamics
-from controller.zero_dynamics import zero_dynamics_pd
 
 
 def test_the_torque_for_the_pd_law_is_that_of_zd_pd(model, gait, gains, walking_states):

@@ -4,9 +4,9 @@ import numpy as np
 import oracle
 import pytest
 
-from controller.prediction import predict
+from controller.cmpc.prediction import predict
+from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.records import Leg, StanceState
-from controller.zero_dynamics import zero_dynamics_pd
 
 N, T = 100, 1e-3
 Q, DQ = slice(0, 5), slice(5, 10)

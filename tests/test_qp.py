@@ -6,9 +6,9 @@ import numpy as np
 import oracle
 import pytest
 
-from controller.cascade import Friction, Weights, build_problem
+from controller.cmpc.cascade import Friction, Weights, build_problem
+from controller.cmpc.prediction import predict
 from controller.errors import ControllerInputError
-from controller.prediction import predict
 from controller.qp.problem import StageQP, failed
 from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState

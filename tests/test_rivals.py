@@ -5,9 +5,9 @@ import pickle
 import numpy as np
 import pytest
 
+from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.records import Leg
 from controller.rivals import dense_qp
-from controller.zero_dynamics import zero_dynamics_pd
 from sim import compose
 from sim.interface import Observation
 from sim.loop import NoTape

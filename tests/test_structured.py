@@ -6,8 +6,8 @@ import numpy as np
 import oracle
 import pytest
 
-from controller.cascade import CascadedMpc, Friction, Weights, build_problem
-from controller.prediction import predict
+from controller.cmpc.cascade import CascadedMpc, Friction, Weights, build_problem
+from controller.cmpc.prediction import predict
 from controller.qp import riccati_solver as structured
 from controller.qp.problem import ROWS, failed
 from controller.qp.solvers import make_solver

@@ -10,7 +10,7 @@ from controller.belief.gait import Gait
 from controller.belief.kernels import Gains
 from controller.belief.model import WalkerModel
 from controller.belief.stance import StanceEstimator
-from controller.cascade import Friction
+from controller.cmpc.cascade import Friction
 from controller.ltv import plan
 from controller.ltv.cost import Cost
 from controller.ltv.landing import Ground

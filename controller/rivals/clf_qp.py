@@ -32,7 +32,7 @@ import numpy as np
 import qpsolvers
 from scipy.linalg import solve_continuous_are
 
-from controller.cascade import Friction
+from controller.cmpc.cascade import Friction
 from controller.records import Vector
 from controller.rivals import dense_qp
 from controller.rivals.law import Decision

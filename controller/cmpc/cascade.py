@@ -8,8 +8,8 @@ from controller.belief import kernels
 from controller.belief.gait import Gait
 from controller.belief.model import WalkerModel
 from controller.belief.stance import StanceEstimator
+from controller.cmpc.prediction import CorrectedHorizon, Horizon, predict
 from controller.compiled import compiled
-from controller.prediction import CorrectedHorizon, Horizon, predict
 from controller.qp.problem import ROWS, Solver, StageQP, failed
 from controller.records import ControlStep, Observation, Vector
 

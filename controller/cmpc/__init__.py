@@ -1,0 +1,1 @@
+"""The paper's controller: ZD+PD, the partial prediction, and the MPC around them."""
