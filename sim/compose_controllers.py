@@ -20,8 +20,8 @@ from sim.models import ModelFiles
 from sim.scenario import ControllerSettings, Scenario
 
 if TYPE_CHECKING:
-    from controller.family import GaitFamily
-    from controller.fitting import Follower
+    from controller.fitting.controller import Follower
+    from controller.fitting.family import GaitFamily
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,7 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
     fitting = settings.gait_fitting
     if not fitting.enabled:
         return law
-    from controller.fitting import FittingRule, GaitFitting
+    from controller.fitting.controller import FittingRule, GaitFitting
 
     rule = FittingRule(
         share=fitting.share,
@@ -91,8 +91,8 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
 
 @functools.lru_cache(maxsize=4)
 def _family(belief: Belief) -> "GaitFamily":
-    from controller.family import GaitFamily
-    from controller.library import GaitLibrary  # only where gaits are fitted
+    from controller.fitting.family import GaitFamily
+    from controller.fitting.library import GaitLibrary
 
     return GaitFamily.around(belief.gait, GaitLibrary.load(belief.library, belief.model))
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from controller import library
 from controller.belief.gait import Gait, load_gait
 from controller.belief.model import WalkerModel
 from controller.design import gait_file
@@ -21,6 +20,7 @@ from controller.design.plot import plot
 from controller.design.plot_compare import plot_comparison
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
+from controller.fitting import library
 from controller.records import ROLES
 from sim.compose_errors import as_user_errors
 from sim.errors import UserError

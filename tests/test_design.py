@@ -23,7 +23,7 @@ from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.design.transverse import transverse_eigenvalues
 from controller.errors import ControllerInputError
-from controller.library import GaitLibrary, file_name
+from controller.fitting.library import GaitLibrary, file_name
 
 PAPER_EIGENVALUE = 0.75
 

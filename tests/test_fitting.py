@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from controller.design.orbit import periodic_orbit
 from controller.errors import ControllerInputError
-from controller.family import GaitFamily
-from controller.fitting import FittingRule, GaitFitting
-from controller.library import GaitLibrary
+from controller.fitting.controller import FittingRule, GaitFitting
+from controller.fitting.family import GaitFamily
+from controller.fitting.library import GaitLibrary
 from controller.records import Leg, StanceState
 from sim import compose
 from sim.errors import UserError

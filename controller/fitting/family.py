@@ -18,7 +18,7 @@ from controller.belief.gait import Gait
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import CLOCK, NoPosture, Parametrisation, elevate, with_rates
 from controller.errors import ControllerInputError
-from controller.library import GaitLibrary
+from controller.fitting.library import GaitLibrary
 from controller.records import Vector
 
 SPEED_STEP = 0.025  # [m/s] between members at most; mixtures of two miss hybrid invariance by 6e-4 rad/s

@@ -24,7 +24,7 @@ from typing import Protocol
 from controller.belief.gait import Gait
 from controller.belief.model import WalkerModel
 from controller.belief.stance import StanceEstimator
-from controller.family import GaitFamily
+from controller.fitting.family import GaitFamily
 from controller.records import TORSO, ControlStep, Observation, StanceState, Vector
 
 

@@ -1,0 +1,1 @@
+"""Any law, following a gait of the library that fits the moment."""
