@@ -4,8 +4,19 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from sim.settings.units import (
+    AT_LEAST_ONE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SLOPE,
+    Metre,
+    PositiveRatio,
+    Radian,
+    Ratio,
+    Second,
+    Unit,
+)
 from sim.tables import BodyFactors, BodyLengths, BodyMasses, JointFactors, JointInertias, JointTorques, LimbFactors
-from sim.units import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, SLOPE, Metre, PositiveRatio, Radian, Ratio, Second, Unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from sim import settings
 from sim.errors import UserError
 from sim.plant_settings import GroundSettings, PlantSettings
-from sim.signal_settings import ActuationSettings, SensorSettings
-from sim.tables import BodyFactors, JointFactors
-from sim.units import (
+from sim.settings import tree as settings
+from sim.settings.units import (
     AT_LEAST_ONE,
     FRACTION,
     NOT_NEGATIVE,
@@ -32,6 +30,8 @@ from sim.units import (
     Second,
     Unit,
 )
+from sim.signal_settings import ActuationSettings, SensorSettings
+from sim.tables import BodyFactors, JointFactors
 
 __all__ = [
     "ActuationSettings",

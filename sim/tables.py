@@ -4,7 +4,14 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated
 
-from sim.units import NOT_NEGATIVE, Metre, PositiveRatio, Radian, Ratio, Unit
+from sim.settings.units import (
+    NOT_NEGATIVE,
+    Metre,
+    PositiveRatio,
+    Radian,
+    Ratio,
+    Unit,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim import settings
 from sim.errors import UserError
 from sim.scenario import (
     BodyFactors,
@@ -25,7 +24,8 @@ from sim.scenario import (
     with_value,
     with_values,
 )
-from sim.specs import specs
+from sim.settings import tree as settings
+from sim.settings.spec import specs
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 not_negative = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)

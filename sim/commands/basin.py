@@ -6,10 +6,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from sim import flags
 from sim.errors import UserError
 from sim.interrupt import stop_on_signal
 from sim.scenario import Scenario, load, to_toml, with_value
+from sim.settings import flags
 
 DEFAULT = "undisturbed"
 OUT = Path("logs/basin")

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sim import flags
 from sim.commands import gait_compare
 from sim.errors import UserError
+from sim.settings import flags
 
 HELP = """\
 usage: cmpc gait design  --step-length M --speed M/S [options]   make a gait from nothing

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sim import flags
+from sim.settings import flags
 
 HELP = "Two gaits of one walker: coefficients, step, forces and every cost side by side."
 

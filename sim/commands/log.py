@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sim import flags
 from sim.errors import UserError
+from sim.settings import flags
 
 if TYPE_CHECKING:
     from sim.log_reader import Log

@@ -7,9 +7,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from sim import flags, settings
 from sim.errors import UserError
 from sim.scenario import Scenario, load
+from sim.settings import flags
+from sim.settings import tree as settings
 
 DEFAULT = "undisturbed"
 SETTLING = 60  # steps of the free walk whose scatter is reported

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim import flags
 from sim.commands.run import announce, check_new_log, default_log, print_summary
 from sim.errors import UserError
 from sim.scenario import Scenario
+from sim.settings import flags
 
 if TYPE_CHECKING:
     from sim.log_reader import Log

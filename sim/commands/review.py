@@ -4,8 +4,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from sim import flags
 from sim.errors import UserError
+from sim.settings import flags
 
 VIEWERS = ("foxglove", "plotjuggler")
 EPILOG = """\

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from sim import flags
 from sim.errors import UserError
 from sim.outcome import Outcome, RunSummary
 from sim.scenario import DEFAULT, Scenario, load, shipped
+from sim.settings import flags
 
 LOGS = Path("logs")  # under the current directory
 WIDTH = 200  # columns of a table that goes to a file, so that paths stay whole

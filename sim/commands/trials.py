@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim import flags
 from sim.errors import UserError
+from sim.settings import flags
 
 if TYPE_CHECKING:
     from sim.trials.campaign import Results
@@ -120,7 +120,7 @@ def _kinds(text: str) -> tuple[str, ...]:
         UserError: one is not known, given twice, or there is none.
     """
     from sim.scenario import Scenario
-    from sim.settings import spec_at
+    from sim.settings.tree import spec_at
 
     legal = spec_at(Scenario(), "controller.kind").choices
     kinds = legal if text == "all" else tuple(word.strip() for word in text.split(","))

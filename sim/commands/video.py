@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from sim import flags
 from sim.errors import UserError
+from sim.settings import flags
 
 EPILOG = """\
   cmpc video RUN.mcap walk.mp4

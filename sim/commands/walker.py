@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sim import flags
 from sim.errors import UserError
+from sim.settings import flags
 
 HELP = """\
 usage: cmpc walker new   FOLDER --urdf FILE.urdf    make the folder: the URDF, an MJCF that agrees with it, gaits/

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from sim import settings
 from sim.errors import UserError
 from sim.scenario import Scenario
-from sim.specs import Spec, from_text
+from sim.settings import tree as settings
+from sim.settings.spec import Spec, from_text
 
 Value = float | str
 

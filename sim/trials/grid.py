@@ -8,8 +8,8 @@ from typing import Annotated
 
 from sim.errors import UserError
 from sim.scenario import Scenario
+from sim.settings.units import NOT_NEGATIVE, Unit
 from sim.trials.axis import Value, label, spec_of
-from sim.units import NOT_NEGATIVE, Unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

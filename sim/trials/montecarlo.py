@@ -8,8 +8,8 @@ import numpy as np
 
 from sim.errors import UserError
 from sim.scenario import Scenario
+from sim.settings.units import AT_LEAST_ONE, NOT_NEGATIVE, Unit
 from sim.trials.axis import Value, label, spec_of
-from sim.units import AT_LEAST_ONE, NOT_NEGATIVE, Unit
 
 MOST_REDRAWS = 10_000
 

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from sim import settings
 from sim.errors import UserError
 from sim.scenario import Scenario
+from sim.settings import tree as settings
+from sim.settings.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.trials.axis import Axis, Value, changes, label, scenario_at
 from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy
 from sim.trials.montecarlo import MonteCarloStudy
-from sim.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 
 SHIPPED = Path(__file__).parent / "plans"
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sim import search, settings
+from sim import search
 from sim.errors import UserError
 from sim.scenario import Scenario, load, with_values
+from sim.settings import tree as settings
 from sim.trials.campaign import run_plan
 from sim.trials.plan import Plan
 from sim.trials.result import TrialResult

@@ -1,7 +1,7 @@
 """A tree of frozen dataclasses as settings: read strictly, changed by dotted path, listed, written as TOML.
 
 Nothing here knows what a setting means. A field's annotation tells its type, unit and range; the `Attributes`
-section of its class tells its help; `sim.specs` reads both.
+section of its class tells its help; `sim.settings.spec` reads both.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
 from sim.errors import UserError
-from sim.specs import Spec, leaf, specs
+from sim.settings.spec import Spec, leaf, specs
 
 T = TypeVar("T")
 

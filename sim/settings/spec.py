@@ -17,7 +17,7 @@ from dataclasses import MISSING, dataclass
 from typing import Any
 
 from sim.errors import UserError
-from sim.units import Range, Unit
+from sim.settings.units import Range, Unit
 
 LONGEST_SHOWN = 60  # characters of an illegal value that a message repeats
 

@@ -12,11 +12,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import MISSING
 from typing import Any, NoReturn
 
-from sim import settings
 from sim.errors import UserError
 from sim.scenario import Scenario
-from sim.settings import Setting
-from sim.specs import Spec, from_text, specs
+from sim.settings import tree as settings
+from sim.settings.spec import Spec, from_text, specs
+from sim.settings.tree import Setting
 
 PREFIX = "setting:"  # marks settings among the attributes of a parsed command line
 

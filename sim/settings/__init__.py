@@ -1,0 +1,1 @@
+"""Settings as trees of frozen dataclasses: units, checks, TOML and flags; it knows no scenario."""
