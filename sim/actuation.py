@@ -5,10 +5,10 @@ from collections import deque
 
 import numpy as np
 
-from sim import tables
 from sim.interface import Vector
-from sim.randomness import Purpose, stream
-from sim.signal_settings import ActuationSettings
+from sim.scenario import per_link as tables
+from sim.scenario.randomness import Purpose, stream
+from sim.scenario.signals import ActuationSettings
 
 
 class Actuation:

@@ -20,7 +20,7 @@ from sim.errors import UserError
 from sim.interface import Vector
 from sim.outcome import Outcome
 from sim.rig import Rig
-from sim.scenario import Push, from_toml
+from sim.scenario.scenario import Push, from_toml
 from sim.step_map import Fell, distance
 
 AXES = {"q5": np.array([0.0, 0.0, 0.0, 0.0, 1.0]), "torso": np.array([-1.0, -1.0, 0.0, 0.0, 1.0])}

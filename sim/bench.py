@@ -17,7 +17,7 @@ from sim.compose import ComparingSolver, compare_solvers, exact_clarabel, make_s
 from sim.interface import ControlStep, Observation, PlantState
 from sim.loop import NoTape
 from sim.recorder.fields import STATUSES
-from sim.scenario import Scenario, load, with_values
+from sim.scenario.scenario import Scenario, load, with_values
 
 RUNS = ("undisturbed", "push-25N", "friction-50N", "payload-x2")
 """The four runs that ticks are measured over."""

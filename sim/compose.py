@@ -27,7 +27,7 @@ from sim.plant import MujocoPlant
 from sim.recorder import Recorder, RunHeader
 from sim.rig import Rig
 from sim.rigid import RigidPlant
-from sim.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
+from sim.scenario.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
 from sim.sensors import Sensors
 from sim.terrain import Terrain

@@ -17,7 +17,7 @@ from controller.qp.solvers import make_solver
 from sim.compose_errors import as_user_errors
 from sim.interface import Controller
 from sim.models import ModelFiles
-from sim.scenario import ControllerSettings, Scenario
+from sim.scenario.scenario import ControllerSettings, Scenario
 
 if TYPE_CHECKING:
     from controller.fitting.controller import Follower

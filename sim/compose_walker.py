@@ -17,7 +17,7 @@ from sim.compose_errors import as_user_errors
 from sim.errors import UserError
 from sim.mechanics import ORDER, Mechanics
 from sim.outcome import Outcome
-from sim.scenario import Scenario, with_values
+from sim.scenario.scenario import Scenario, with_values
 from sim.walkers import WalkerFolder
 
 MASS = (0.05, 200.0)  # [kg] of a link

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sim.interface import Vector
-from sim.tables import LimbFactors
+from sim.scenario.per_link import LimbFactors
 
 LEFT, RIGHT = range(2)
 LEGS = ("left", "right")

@@ -10,7 +10,7 @@ from sim.interface import Controller, ControlStep, Observation, Plant, PlantStat
 from sim.judge import FallCriteria, Judge, TouchDown
 from sim.metrics import Metrics
 from sim.outcome import FallReason, Outcome, RunSummary
-from sim.scenario import Push
+from sim.scenario.scenario import Push
 
 PROGRESS_TICKS = 50
 

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from sim.interface import COORDINATES, JOINTS, Vector
-from sim.plant_settings import PlantSettings
 from sim.plant_spec import build_spec
+from sim.scenario.plant import PlantSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,7 +17,7 @@ from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, FEET, JOINTS, AppliedForce, Observation, PlantState, Vector
 from sim.kinematics import LEGS, LegGeometry
 from sim.plant_spec import BODIES, INTEGRATORS, build_spec
-from sim.scenario import PlantSettings
+from sim.scenario.scenario import PlantSettings
 from sim.terrain import Terrain
 
 DETECTED_LINKS = ("torso", "left_femur", "right_femur")

@@ -10,7 +10,7 @@ from sim.judge import FallCriteria
 from sim.kinematics import LEGS
 from sim.loop import Loop, Stop, Tape
 from sim.outcome import Outcome, RunSummary
-from sim.scenario import Push, Scenario
+from sim.scenario.scenario import Push, Scenario
 from sim.sections import SectionTape, Surface
 from sim.step_map import Fell
 

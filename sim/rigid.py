@@ -21,8 +21,8 @@ from sim.kinematics import LEGS
 from sim.pinned import PinnedWalker
 from sim.plant import DETECTED_LINKS, whole_substeps
 from sim.plant_spec import BODIES, build_spec
-from sim.scenario import PlantSettings
-from sim.tables import JointTorques
+from sim.scenario.per_link import JointTorques
+from sim.scenario.scenario import PlantSettings
 from sim.terrain import Terrain
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sim.outcome import Outcome, RunSummary
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 OUTCOME_STYLES = {Outcome.COMPLETED.value: "bold green", Outcome.FELL.value: "bold yellow"}
 

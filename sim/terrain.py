@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.errors import UserError
-from sim.plant_settings import GroundSettings
-from sim.randomness import Purpose, stream
+from sim.scenario.plant import GroundSettings
+from sim.scenario.randomness import Purpose, stream
 
 BACK = -10.0  # [m], where the ground begins
 RUNWAY = 1000.0  # [m] of ground behind the last feature

@@ -8,7 +8,7 @@ import pytest
 
 from sim import basin, cli
 from sim.errors import UserError
-from sim.scenario import Scenario, to_toml, with_values
+from sim.scenario.scenario import Scenario, to_toml, with_values
 
 RIGID = to_toml(with_values(Scenario(), {"plant.kind": "rigid", "plant.timestep": 1e-3, "controller.kind": "zd-pd"}))
 

@@ -14,7 +14,7 @@ import pytest
 
 from sim import cli
 from sim.outcome import RunSummary
-from sim.scenario import Push, settings_table, shipped
+from sim.scenario.scenario import Push, settings_table, shipped
 
 JOINTS = ("left_hip", "right_hip", "left_knee", "right_knee")
 SUMMARY = RunSummary(

@@ -16,7 +16,7 @@ from sim import compose, compose_controllers
 from sim.interface import COORDINATES
 from sim.log_reader import read_log
 from sim.loop import Loop, NoTape
-from sim.scenario import Push, Scenario, from_toml, with_value, with_values
+from sim.scenario.scenario import Push, Scenario, from_toml, with_value, with_values
 
 KINDS = ("c-mpc", "zd-pd")
 PUSHED = Scenario(name="short", steps=2, seed=5, pushes=(Push(force=25.0, step=2),))

@@ -10,7 +10,7 @@ import pytest
 
 from sim.cli import main
 from sim.compose import run_scenario
-from sim.scenario import load, with_values
+from sim.scenario.scenario import load, with_values
 
 ROOT = Path(__file__).resolve().parent.parent
 SIZE = ("--size", "320", "180")

@@ -10,7 +10,7 @@ from sim.compose import run_scenario
 from sim.log_reader import read_log
 from sim.recorder import Recorder
 from sim.recorder.arrows import CONTACT_SCALE, PUSH_SCALE
-from sim.scenario import load, with_values
+from sim.scenario.scenario import load, with_values
 from tests.test_recorder import HEADER, PERIOD, tick
 
 SLOPE = 0.05  # [rad]

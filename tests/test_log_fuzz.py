@@ -11,7 +11,7 @@ import pytest
 from sim.cli import main
 from sim.compose import run_scenario
 from sim.log_reader import read_log, salvage
-from sim.scenario import load, with_values
+from sim.scenario.scenario import load, with_values
 
 DAMAGES = int(os.environ.get("CMPC_FUZZ", "80"))
 LONGEST = 20  # [s] for one command

@@ -24,8 +24,8 @@ from sim.recorder.container import McapFile
 from sim.recorder.fields import CHANNELS, PREDICTION
 from sim.recorder.schema import SCHEMA, channel_metadata, full_name
 from sim.review import load
-from sim.scenario import load as load_scenario
-from sim.scenario import with_values
+from sim.scenario.scenario import load as load_scenario
+from sim.scenario.scenario import with_values
 
 QUICK = {"time_limit": 0.45, "controller.horizon": 20}
 

@@ -6,7 +6,7 @@ from fakes import PERIOD, Clockwork, Counting, Tape
 
 from sim.loop import PROGRESS_TICKS, Loop
 from sim.outcome import FallReason
-from sim.scenario import Push
+from sim.scenario.scenario import Push
 
 COM = {"torso": (0.0, 0.24), "left_femur": (0.0, 0.11)}
 

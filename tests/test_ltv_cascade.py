@@ -7,7 +7,7 @@ from controller.ltv.orbit import find_orbit, nominal_rate
 from sim import compose
 from sim.interface import Observation
 from sim.loop import NoTape
-from sim.scenario import Push, Scenario, with_values
+from sim.scenario.scenario import Push, Scenario, with_values
 
 LTV = {"controller.kind": "c-mpc-ltv"}
 CALM = with_values(Scenario(steps=2), LTV)

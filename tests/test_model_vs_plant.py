@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from controller.belief.model import WalkerModel
 from sim.plant import MujocoPlant
 from sim.rigid import RigidPlant
-from sim.scenario import PlantSettings
+from sim.scenario.scenario import PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit"
 TOLERANCE = 1e-9  # relative to the largest entry of each quantity

@@ -12,7 +12,7 @@ import pytest
 
 from sim.compose import run_scenario
 from sim.log_reader import read_log
-from sim.scenario import load, with_values
+from sim.scenario.scenario import load, with_values
 
 NODE = Path(__file__).resolve().parent / "node"
 pytestmark = [

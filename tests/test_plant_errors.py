@@ -8,8 +8,15 @@ import pytest
 
 from sim.errors import UserError
 from sim.plant import BODIES, MujocoPlant
-from sim.plant_settings import GroundSettings, PlantSettings
-from sim.tables import BodyFactors, BodyLengths, BodyMasses, JointInertias, JointTorques, LimbFactors
+from sim.scenario.per_link import (
+    BodyFactors,
+    BodyLengths,
+    BodyMasses,
+    JointInertias,
+    JointTorques,
+    LimbFactors,
+)
+from sim.scenario.plant import GroundSettings, PlantSettings
 
 MJCF = Path(__file__).parent.parent / "models/rabbit/rabbit.xml"
 Q = np.array([3.54, 2.92, -0.36, -0.15, 0.015])  # [rad]

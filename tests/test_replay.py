@@ -8,7 +8,7 @@ import pytest
 from sim.cli import main
 from sim.compose import run_scenario
 from sim.log_reader import read_log
-from sim.scenario import load, with_values
+from sim.scenario.scenario import load, with_values
 from tests.test_logs import exchanged
 
 BASE = {"time_limit": 0.6, "controller.horizon": 30}

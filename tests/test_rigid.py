@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import AppliedForce
-from sim.plant_settings import Ramp
 from sim.rigid import RigidPlant
-from sim.scenario import BodyFactors, GroundSettings, JointFactors, PlantSettings
-from sim.tables import JointTorques
+from sim.scenario.per_link import JointTorques
+from sim.scenario.plant import Ramp
+from sim.scenario.scenario import BodyFactors, GroundSettings, JointFactors, PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit" / "rabbit.xml"
 PERIOD = 1e-3  # [s]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import UserError
-from sim.scenario import (
+from sim.scenario.scenario import (
     BodyFactors,
     ControllerSettings,
     GroundSettings,

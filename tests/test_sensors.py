@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sim.interface import Observation
+from sim.scenario.per_link import JointAngles, JointRates
+from sim.scenario.signals import SensorSettings
 from sim.sensors import Sensors
-from sim.signal_settings import SensorSettings
-from sim.tables import JointAngles, JointRates
 
 PERIOD = 1e-3  # [s]
 

@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from sim.errors import UserError
 from sim.plant import MujocoPlant
-from sim.plant_settings import GroundSettings, Ledge, Patch, PlantSettings, Ramp, RoughSettings
+from sim.scenario.plant import (
+    GroundSettings,
+    Ledge,
+    Patch,
+    PlantSettings,
+    Ramp,
+    RoughSettings,
+)
 from sim.terrain import Terrain
 
 MJCF = Path(__file__).parent.parent / "models/rabbit/rabbit.xml"

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.trials import stats
 from sim.trials.findings import Side
 from sim.trials.grid import GridAxis, GridStudy, boundary

@@ -8,7 +8,7 @@ import pytest
 from sim.cli import main
 from sim.compose import build_controller, known_belief
 from sim.errors import UserError
-from sim.scenario import Scenario, from_toml, with_values
+from sim.scenario.scenario import Scenario, from_toml, with_values
 from sim.trials.plan import load_plan
 from sim.trials.result import TrialResult
 from sim.trials.trial import axis_values

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.interrupt import stop_on_signal
-from sim.scenario import Scenario, load, to_toml, with_value
+from sim.scenario.scenario import Scenario, load, to_toml, with_value
 from sim.settings import flags
 
 DEFAULT = "undisturbed"

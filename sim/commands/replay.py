@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sim.commands.run import announce, check_new_log, default_log, print_summary
 from sim.errors import UserError
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.settings import flags
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from sim.bar import cost_bar
 from sim.errors import UserError
 from sim.interrupt import stop_on_signal
 from sim.reproduce import EXPERIMENTS
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.settings import flags
 
 OUT, OUT_QUICK = Path("logs/reproduce"), Path("logs/reproduce-quick")

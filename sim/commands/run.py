@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.outcome import Outcome, RunSummary
-from sim.scenario import DEFAULT, Scenario, load, shipped
+from sim.scenario.scenario import DEFAULT, Scenario, load, shipped
 from sim.settings import flags
 
 LOGS = Path("logs")  # under the current directory

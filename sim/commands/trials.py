@@ -119,7 +119,7 @@ def _kinds(text: str) -> tuple[str, ...]:
     Raises:
         UserError: one is not known, given twice, or there is none.
     """
-    from sim.scenario import Scenario
+    from sim.scenario.scenario import Scenario
     from sim.settings.tree import spec_at
 
     legal = spec_at(Scenario(), "controller.kind").choices

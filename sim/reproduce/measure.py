@@ -10,7 +10,7 @@ from sim.interface import ControlStep, Observation, PlantState, Vector
 from sim.loop import NoTape
 from sim.outcome import Outcome
 from sim.rig import Rig
-from sim.scenario import Scenario, from_toml, with_values
+from sim.scenario.scenario import Scenario, from_toml, with_values
 
 _SWAPPED = np.array([1, 0, 3, 2])
 OUTCOMES = tuple(outcome.value for outcome in Outcome)

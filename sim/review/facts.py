@@ -6,7 +6,7 @@ from typing import Any
 
 from sim.logs.frames import Run, parsed
 from sim.logs.text import printable
-from sim.scenario import Scenario, from_toml
+from sim.scenario.scenario import Scenario, from_toml
 
 MOST_EVENTS = 500
 MOST_POINTS = 20_000  # of the ground

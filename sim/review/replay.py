@@ -18,7 +18,7 @@ from sim.logs.frames import parsed
 from sim.loop import Progress, Stop
 from sim.models import ModelFiles, scenario_of, unpacked
 from sim.outcome import Outcome, RunSummary
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")
 """Figures of a summary that depend on the machine."""

@@ -13,7 +13,7 @@ from dataclasses import MISSING
 from typing import Any, NoReturn
 
 from sim.errors import UserError
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.settings import tree as settings
 from sim.settings.spec import Spec, from_text, specs
 from sim.settings.tree import Setting

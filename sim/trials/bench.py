@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 from sim.bench import Figure
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.trials.campaign import Progress, cores, run_plan
 from sim.trials.montecarlo import MonteCarloStudy, RandomAxis
 from sim.trials.plan import Plan

@@ -4,7 +4,7 @@ import difflib
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.trials.plan import Plan
 from sim.trials.result import TrialResult
 from sim.trials.store import FILE, Store

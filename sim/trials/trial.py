@@ -19,7 +19,7 @@ from sim.errors import UserError
 from sim.interface import JOINTS
 from sim.loop import Tape
 from sim.outcome import Outcome, RunSummary
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.trials.axis import Value, changes, label, scenario_at
 from sim.trials.grid import GridStudy
 from sim.trials.margin import MarginStudy

@@ -15,7 +15,7 @@ from typing import Any
 
 from sim import search
 from sim.errors import UserError
-from sim.scenario import Scenario, load, with_values
+from sim.scenario.scenario import Scenario, load, with_values
 from sim.settings import tree as settings
 from sim.trials.campaign import run_plan
 from sim.trials.plan import Plan

@@ -16,7 +16,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from sim.errors import UserError
-from sim.plant_settings import GroundSettings, PlantSettings
+from sim.scenario.per_link import BodyFactors, JointFactors
+from sim.scenario.plant import GroundSettings, PlantSettings
+from sim.scenario.signals import ActuationSettings, SensorSettings
 from sim.settings import tree as settings
 from sim.settings.units import (
     AT_LEAST_ONE,
@@ -30,8 +32,6 @@ from sim.settings.units import (
     Second,
     Unit,
 )
-from sim.signal_settings import ActuationSettings, SensorSettings
-from sim.tables import BodyFactors, JointFactors
 
 __all__ = [
     "ActuationSettings",
@@ -49,7 +49,7 @@ __all__ = [
     "WeightSettings",
 ]
 
-SHIPPED = Path(__file__).parent / "scenarios"
+SHIPPED = Path(__file__).parent / "shipped"
 DEFAULT = "push-25N"
 
 Body = Literal["torso", "left_femur", "left_tibia", "right_femur", "right_tibia"]

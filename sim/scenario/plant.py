@@ -4,6 +4,15 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from sim.scenario.per_link import (
+    BodyFactors,
+    BodyLengths,
+    BodyMasses,
+    JointFactors,
+    JointInertias,
+    JointTorques,
+    LimbFactors,
+)
 from sim.settings.units import (
     AT_LEAST_ONE,
     NOT_NEGATIVE,
@@ -16,7 +25,6 @@ from sim.settings.units import (
     Second,
     Unit,
 )
-from sim.tables import BodyFactors, BodyLengths, BodyMasses, JointFactors, JointInertias, JointTorques, LimbFactors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
