@@ -14,23 +14,23 @@ from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarab
 from controller.qp.problem import Solver
 from controller.qp.solvers import make_solver
 from sim import provenance
-from sim.actuation import Actuation
 from sim.compose_controllers import Belief, build_controller, known_belief, load_belief
-from sim.instruments import InstrumentedPlant
 from sim.interface import Controller, Observation, Plant, Vector
 from sim.judge import FallCriteria
-from sim.kinematics import LEGS
 from sim.loop import Loop, NoTape, Progress, Stop, Tape, Tapes
 from sim.models import LIBRARY, ModelFiles, library_json
 from sim.outcome import RunSummary
-from sim.plant import MujocoPlant
+from sim.plant.actuation import Actuation
+from sim.plant.instruments import InstrumentedPlant
+from sim.plant.kinematics import LEGS
+from sim.plant.mujoco_plant import MujocoPlant
+from sim.plant.rigid_plant import RigidPlant
+from sim.plant.sensors import Sensors
+from sim.plant.terrain import Terrain
 from sim.recorder import Recorder, RunHeader
 from sim.rig import Rig
-from sim.rigid import RigidPlant
 from sim.scenario.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
-from sim.sensors import Sensors
-from sim.terrain import Terrain
 from sim.viewer import check_display, viewer
 
 __all__ = [

@@ -15,8 +15,8 @@ from sim import walker_files
 from sim.compose import run_scenario
 from sim.compose_errors import as_user_errors
 from sim.errors import UserError
-from sim.mechanics import ORDER, Mechanics
 from sim.outcome import Outcome
+from sim.plant.mechanics import ORDER, Mechanics
 from sim.scenario.scenario import Scenario, with_values
 from sim.walkers import WalkerFolder
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from sim.interface import Controller, Plant, Vector
 from sim.judge import FallCriteria
-from sim.kinematics import LEGS
 from sim.loop import Loop, Stop, Tape
 from sim.outcome import Outcome, RunSummary
+from sim.plant.kinematics import LEGS
 from sim.scenario.scenario import Push, Scenario
 from sim.sections import SectionTape, Surface
 from sim.step_map import Fell

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 from sim.errors import UserError
 from sim.loop import Stop
-from sim.plant import MujocoPlant
-from sim.rigid import RigidPlant
+from sim.plant.mujoco_plant import MujocoPlant
+from sim.plant.rigid_plant import RigidPlant
 
 EXTENT = 2.0  # [m] of what is looked at
 FRAME = 1 / 60  # [s]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.actuation import Actuation
+from sim.plant.actuation import Actuation
 from sim.scenario.per_link import JointFactors
 from sim.scenario.signals import ActuationSettings
 

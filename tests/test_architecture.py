@@ -38,7 +38,9 @@ def test_the_controller_loads_nothing_of_the_plant():
 
 
 def test_the_plant_loads_nothing_of_the_controller():
-    found, of_the_controller = loaded_by("sim.plant", "sim.rigid", "sim.loop", "sim.recorder", "sim.log_reader")
+    found, of_the_controller = loaded_by(
+        "sim.plant.mujoco_plant", "sim.plant.rigid_plant", "sim.loop", "sim.recorder", "sim.log_reader"
+    )
     assert {"sim", "mujoco", "mcap"} <= found
     assert not {"pinocchio", "qpsolvers"} & found
     assert of_the_controller <= COMMON_GROUND

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from controller.belief.model import WalkerModel
-from sim.plant import MujocoPlant
-from sim.rigid import RigidPlant
+from sim.plant.mujoco_plant import MujocoPlant
+from sim.plant.rigid_plant import RigidPlant
 from sim.scenario.scenario import PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit"

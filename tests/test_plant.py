@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import AppliedForce
-from sim.plant import BODIES, INTEGRATORS, MujocoPlant
+from sim.plant.mujoco_plant import BODIES, INTEGRATORS, MujocoPlant
 from sim.scenario.scenario import BodyFactors, GroundSettings, JointFactors, PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit" / "rabbit.xml"

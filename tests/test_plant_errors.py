@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.errors import UserError
-from sim.plant import BODIES, MujocoPlant
+from sim.plant.mujoco_plant import BODIES, MujocoPlant
 from sim.scenario.per_link import (
     BodyFactors,
     BodyLengths,

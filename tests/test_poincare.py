@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim import cli, poincare
 from sim.compose import build_rig
 from sim.fixed_point import find_fixed_point
-from sim.kinematics import LegGeometry
+from sim.plant.kinematics import LegGeometry
 from sim.scenario.scenario import Scenario, with_values
 from sim.sections import Surface, to_stance_order
 from sim.step_map import Fell, StepMap, distance, jacobian

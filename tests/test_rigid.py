@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import AppliedForce
-from sim.rigid import RigidPlant
+from sim.plant.rigid_plant import RigidPlant
 from sim.scenario.per_link import JointTorques
 from sim.scenario.plant import Ramp
 from sim.scenario.scenario import BodyFactors, GroundSettings, JointFactors, PlantSettings
@@ -37,7 +37,7 @@ class Unpinned:
     """The walker as MuJoCo sees it, for momentum and energy; none of the plant's own arithmetic."""
 
     def __init__(self, **changes: object) -> None:
-        from sim.plant_spec import build_spec
+        from sim.plant.build import build_spec
 
         self.model = build_spec(dataclasses.replace(PlantSettings(), **changes), RABBIT).compile()
         self.data = mujoco.MjData(self.model)

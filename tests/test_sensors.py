@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sim.interface import Observation
+from sim.plant.sensors import Sensors
 from sim.scenario.per_link import JointAngles, JointRates
 from sim.scenario.signals import SensorSettings
-from sim.sensors import Sensors
 
 PERIOD = 1e-3  # [s]
 

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import UserError
-from sim.plant import MujocoPlant
+from sim.plant.mujoco_plant import MujocoPlant
+from sim.plant.terrain import Terrain
 from sim.scenario.plant import (
     GroundSettings,
     Ledge,
@@ -18,7 +19,6 @@ from sim.scenario.plant import (
     Ramp,
     RoughSettings,
 )
-from sim.terrain import Terrain
 
 MJCF = Path(__file__).parent.parent / "models/rabbit/rabbit.xml"
 Q = np.array([3.54, 2.92, -0.36, -0.15, 0.015])  # [rad], the gait's posture after impact

@@ -15,10 +15,10 @@ from numpy.lib.stride_tricks import as_strided
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, FEET, JOINTS, AppliedForce, Observation, PlantState, Vector
-from sim.kinematics import LEGS, LegGeometry
-from sim.plant_spec import BODIES, INTEGRATORS, build_spec
+from sim.plant.build import BODIES, INTEGRATORS, build_spec
+from sim.plant.kinematics import LEGS, LegGeometry
+from sim.plant.terrain import Terrain
 from sim.scenario.scenario import PlantSettings
-from sim.terrain import Terrain
 
 DETECTED_LINKS = ("torso", "left_femur", "right_femur")
 """Links sensed to touch the ground; a femur reaches to the knee, so it answers for the tibia's upper end."""

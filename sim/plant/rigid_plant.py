@@ -1,6 +1,6 @@
 """The paper's plant: stance foot pinned, rigid instantaneous impact with leg exchange, events to machine accuracy.
 
-The same MJCF as `sim.plant`, with the same modelling errors; MuJoCo supplies the inertia matrix and the bias,
+The MJCF of `sim.plant.mujoco_plant`, with the same modelling errors; MuJoCo supplies the inertia matrix and the bias,
 and none of its contact, actuation or integration. Between impacts a fixed-step RK4 integrates the pinned walker
 under the held torque. The pin pulls as well as it pushes and never slips: a normal force below zero or a ratio
 above the floor's friction is not prevented, but stands in the log.
@@ -17,13 +17,13 @@ from scipy.optimize import brentq
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, JOINTS, AppliedForce, Observation, PlantState, Vector
-from sim.kinematics import LEGS
-from sim.pinned import PinnedWalker
-from sim.plant import DETECTED_LINKS, whole_substeps
-from sim.plant_spec import BODIES, build_spec
+from sim.plant.build import BODIES, build_spec
+from sim.plant.kinematics import LEGS
+from sim.plant.mujoco_plant import DETECTED_LINKS, whole_substeps
+from sim.plant.rigid_walker import PinnedWalker
+from sim.plant.terrain import Terrain
 from sim.scenario.per_link import JointTorques
 from sim.scenario.scenario import PlantSettings
-from sim.terrain import Terrain
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
 EPS = float(np.finfo(float).eps)

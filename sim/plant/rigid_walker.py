@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from sim import rigid_kernels as kernels
 from sim.interface import COORDINATES, JOINTS, AppliedForce, Vector
-from sim.kinematics import LegGeometry
-from sim.plant_spec import BODIES
+from sim.plant import rigid_kernels as kernels
+from sim.plant.build import BODIES
+from sim.plant.kinematics import LegGeometry
 
 
 class PinnedWalker:

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from sim.actuation import Actuation
 from sim.interface import AppliedForce, Observation, Plant, PlantState, Vector
-from sim.sensors import Sensors
+from sim.plant.actuation import Actuation
+from sim.plant.sensors import Sensors
 
 
 class InstrumentedPlant:

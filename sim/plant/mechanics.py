@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from sim.interface import COORDINATES, JOINTS, Vector
-from sim.plant_spec import build_spec
+from sim.plant.build import build_spec
 from sim.scenario.plant import PlantSettings
 
 

@@ -1,0 +1,1 @@
+"""The truth: plants, ground, sensors and motors."""
