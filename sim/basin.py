@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.interface import Vector
-from sim.outcome import Outcome
+from sim.loop.outcome import Outcome
 from sim.rig import Rig
 from sim.scenario.scenario import Push, from_toml
 from sim.step_map import Fell, distance

@@ -15,7 +15,7 @@ import numpy as np
 
 from sim.compose import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
 from sim.interface import ControlStep, Observation, PlantState
-from sim.loop import NoTape
+from sim.loop.loop import NoTape
 from sim.recorder.fields import STATUSES
 from sim.scenario.scenario import Scenario, load, with_values
 

@@ -16,10 +16,17 @@ from controller.qp.solvers import make_solver
 from sim import provenance
 from sim.compose_controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import Controller, Observation, Plant, Vector
-from sim.judge import FallCriteria
-from sim.loop import Loop, NoTape, Progress, Stop, Tape, Tapes
+from sim.loop.judge import FallCriteria
+from sim.loop.loop import (
+    Loop,
+    NoTape,
+    Progress,
+    Stop,
+    Tape,
+    Tapes,
+)
+from sim.loop.outcome import RunSummary
 from sim.models import LIBRARY, ModelFiles, library_json
-from sim.outcome import RunSummary
 from sim.plant.actuation import Actuation
 from sim.plant.instruments import InstrumentedPlant
 from sim.plant.kinematics import LEGS

@@ -15,7 +15,7 @@ from sim import walker_files
 from sim.compose import run_scenario
 from sim.compose_errors import as_user_errors
 from sim.errors import UserError
-from sim.outcome import Outcome
+from sim.loop.outcome import Outcome
 from sim.plant.mechanics import ORDER, Mechanics
 from sim.scenario.scenario import Scenario, with_values
 from sim.walkers import WalkerFolder

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.interface import Controller, Plant, Vector
-from sim.judge import FallCriteria
-from sim.loop import Loop, Stop, Tape
-from sim.outcome import Outcome, RunSummary
+from sim.loop.judge import FallCriteria
+from sim.loop.loop import Loop, Stop, Tape
+from sim.loop.outcome import Outcome, RunSummary
 from sim.plant.kinematics import LEGS
 from sim.scenario.scenario import Push, Scenario
 from sim.sections import SectionTape, Surface

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from sim import cli
-from sim.outcome import RunSummary
+from sim.loop.outcome import RunSummary
 from sim.scenario.scenario import Push, settings_table, shipped
 
 JOINTS = ("left_hip", "right_hip", "left_knee", "right_knee")

@@ -15,7 +15,7 @@ from controller.belief.model import WalkerModel
 from sim import compose, compose_controllers
 from sim.interface import COORDINATES
 from sim.log_reader import read_log
-from sim.loop import Loop, NoTape
+from sim.loop.loop import Loop, NoTape
 from sim.scenario.scenario import Push, Scenario, from_toml, with_value, with_values
 
 KINDS = ("c-mpc", "zd-pd")

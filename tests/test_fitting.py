@@ -16,7 +16,7 @@ from controller.records import Leg, StanceState
 from sim import compose
 from sim.errors import UserError
 from sim.log_reader import read_log
-from sim.loop import NoTape
+from sim.loop.loop import NoTape
 from sim.scenario.scenario import Push, Scenario, with_values
 
 RULE = FittingRule(share=-1.0, slower=0.25, faster=0.1, hysteresis=0.02, most=0.3)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from fakes import PERIOD, Clockwork, Counting, Tape
 
-from sim.loop import PROGRESS_TICKS, Loop
-from sim.outcome import FallReason
+from sim.loop.loop import PROGRESS_TICKS, Loop
+from sim.loop.outcome import FallReason
 from sim.scenario.scenario import Push
 
 COM = {"torso": (0.0, 0.24), "left_femur": (0.0, 0.11)}

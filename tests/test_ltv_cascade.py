@@ -6,7 +6,7 @@ import pytest
 from controller.ltv.orbit import find_orbit, nominal_rate
 from sim import compose
 from sim.interface import Observation
-from sim.loop import NoTape
+from sim.loop.loop import NoTape
 from sim.scenario.scenario import Push, Scenario, with_values
 
 LTV = {"controller.kind": "c-mpc-ltv"}

@@ -20,7 +20,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from sim.errors import UserError
 from sim.interface import COORDINATES, JOINTS, Observation, PlantState
 from sim.log_reader import read_channel, read_log
-from sim.outcome import RunSummary
+from sim.loop.outcome import RunSummary
 from sim.provenance import git_state, package_versions
 from sim.recorder import Recorder, RunHeader
 from sim.recorder.fields import CHANNELS, LEGS, LINKS, OUTPUTS, STATUSES

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.outcome import Outcome, RunSummary
+from sim.loop.outcome import Outcome, RunSummary
 from sim.scenario.scenario import DEFAULT, Scenario, load, shipped
 from sim.settings import flags
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.interface import ControlStep, Observation, Plan, PlantState
-from sim.outcome import RunSummary
+from sim.loop.outcome import RunSummary
 from sim.recorder.arrows import GroundAngle, arrows_of, force_update
 from sim.recorder.block import TickBlock
 from sim.recorder.container import McapFile

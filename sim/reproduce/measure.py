@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interface import ControlStep, Observation, PlantState, Vector
-from sim.loop import NoTape
-from sim.outcome import Outcome
+from sim.loop.loop import NoTape
+from sim.loop.outcome import Outcome
 from sim.rig import Rig
 from sim.scenario.scenario import Scenario, from_toml, with_values
 

@@ -15,9 +15,9 @@ from sim.log_reader import Log, read_log
 from sim.logs.check import changed_attachments
 from sim.logs.compare import Comparison, compare
 from sim.logs.frames import parsed
-from sim.loop import Progress, Stop
+from sim.loop.loop import Progress, Stop
+from sim.loop.outcome import Outcome, RunSummary
 from sim.models import ModelFiles, scenario_of, unpacked
-from sim.outcome import Outcome, RunSummary
 from sim.scenario.scenario import Scenario
 
 MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")

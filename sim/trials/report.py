@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.judge import FallCriteria
+from sim.loop.judge import FallCriteria
 from sim.trials.breaks import breaks_page
 from sim.trials.campaign import Results, pending
 from sim.trials.grid import GridStudy

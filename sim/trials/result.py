@@ -23,7 +23,7 @@ class TrialResult:
         study: Name of its study.
         values: Values of the study's axes by name, as JSON.
         seed: Seed of the scenario.
-        outcome: Value of `sim.outcome.Outcome`; "error" for an exception or a trial given up.
+        outcome: Value of `sim.loop.outcome.Outcome`; "error" for an exception or a trial given up.
         survived: Whether the steps asked for were completed: no fall, no NaN, no error.
         reason: Why it fell.
         message: Detail of an error.

@@ -17,8 +17,8 @@ import numpy as np
 
 from sim.errors import UserError
 from sim.interface import JOINTS
-from sim.loop import Tape
-from sim.outcome import Outcome, RunSummary
+from sim.loop.loop import Tape
+from sim.loop.outcome import Outcome, RunSummary
 from sim.scenario.scenario import Scenario
 from sim.trials.axis import Value, changes, label, scenario_at
 from sim.trials.grid import GridStudy

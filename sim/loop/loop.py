@@ -4,12 +4,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from sim.disturbances import PERIOD, CentresOfMass, active_forces
 from sim.errors import PlantDiverged
 from sim.interface import Controller, ControlStep, Observation, Plant, PlantState, Vector
-from sim.judge import FallCriteria, Judge, TouchDown
-from sim.metrics import Metrics
-from sim.outcome import FallReason, Outcome, RunSummary
+from sim.loop.judge import FallCriteria, Judge, TouchDown
+from sim.loop.metrics import Metrics
+from sim.loop.outcome import FallReason, Outcome, RunSummary
+from sim.loop.pushes import PERIOD, CentresOfMass, active_forces
 from sim.scenario.scenario import Push
 
 PROGRESS_TICKS = 50

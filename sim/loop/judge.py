@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from sim.interface import PlantState
-from sim.outcome import FallReason
+from sim.loop.outcome import FallReason
 
 SETTLING = 0.02  # [s] after an impact, in which contact forces are those of the impact
 STEP_SHARE = 0.125  # of the leg: a quarter of a gait's usual step, which is half a leg

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.interface import JOINTS, ControlStep, PlantState, Vector
-from sim.judge import Judge, TouchDown
-from sim.outcome import FallReason, Outcome, RunSummary
+from sim.loop.judge import Judge, TouchDown
+from sim.loop.outcome import FallReason, Outcome, RunSummary
 
 BLOCK = 256  # [ticks]
 

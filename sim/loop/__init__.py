@@ -1,0 +1,1 @@
+"""Look, decide, hold, judge: one run from its start to its outcome."""
