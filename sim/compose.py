@@ -26,7 +26,6 @@ from sim.loop.loop import (
     Tapes,
 )
 from sim.loop.outcome import RunSummary
-from sim.models import LIBRARY, ModelFiles, library_json
 from sim.plant.actuation import Actuation
 from sim.plant.instruments import InstrumentedPlant
 from sim.plant.kinematics import LEGS
@@ -39,6 +38,7 @@ from sim.rig import Rig
 from sim.scenario.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface
 from sim.viewer import check_display, viewer
+from sim.walkers.model_files import LIBRARY, ModelFiles, library_json
 
 __all__ = [
     "Belief",

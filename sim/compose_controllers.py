@@ -16,8 +16,8 @@ from controller.qp.problem import ROWS, Solver
 from controller.qp.solvers import make_solver
 from sim.compose_errors import as_user_errors
 from sim.interface import Controller
-from sim.models import ModelFiles
 from sim.scenario.scenario import ControllerSettings, Scenario
+from sim.walkers.model_files import ModelFiles
 
 if TYPE_CHECKING:
     from controller.fitting.controller import Follower

@@ -24,7 +24,7 @@ from controller.fitting import library
 from controller.records import ROLES
 from sim.compose_errors import as_user_errors
 from sim.errors import UserError
-from sim.walkers import WalkerFolder
+from sim.walkers.folder import WalkerFolder
 
 __all__ = [
     "COST_UNIT",

@@ -14,7 +14,7 @@ from controller.design import gait_file
 from sim import search
 from sim.compose_design import belief
 from sim.compose_errors import as_user_errors
-from sim.walkers import WalkerFolder
+from sim.walkers.folder import WalkerFolder
 
 PAPER = (60.0, 90.0, 90.0, 50.0, 10.0, 20.0, 20.0, 10.0)
 """K_P [1/s^2] and K_D [1/s] of the paper, to compare with."""

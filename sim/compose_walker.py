@@ -11,14 +11,14 @@ from controller.belief.gait import load_gait
 from controller.belief.model import Link, WalkerModel
 from controller.design.check import check, requirements_of
 from controller.errors import ControllerInputError
-from sim import walker_files
 from sim.compose import run_scenario
 from sim.compose_errors import as_user_errors
 from sim.errors import UserError
 from sim.loop.outcome import Outcome
 from sim.plant.mechanics import ORDER, Mechanics
 from sim.scenario.scenario import Scenario, with_values
-from sim.walkers import WalkerFolder
+from sim.walkers import new as walker_files
+from sim.walkers.folder import WalkerFolder
 
 MASS = (0.05, 200.0)  # [kg] of a link
 LENGTH = (0.05, 3.0)  # [m]

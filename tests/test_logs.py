@@ -19,13 +19,13 @@ from sim.compose import run_scenario
 from sim.errors import UserError
 from sim.log_reader import read_log, salvage
 from sim.logs.compare import compare
-from sim.models import check_xml
 from sim.recorder.container import McapFile
 from sim.recorder.fields import CHANNELS, PREDICTION
 from sim.recorder.schema import SCHEMA, channel_metadata, full_name
 from sim.review import load
 from sim.scenario.scenario import load as load_scenario
 from sim.scenario.scenario import with_values
+from sim.walkers.model_files import check_xml
 
 QUICK = {"time_limit": 0.45, "controller.horizon": 20}
 

@@ -128,7 +128,7 @@ def test_what_would_another_controller_have_done(path, tmp_path, capsys):
 def test_it_needs_nothing_but_the_log(path, tmp_path, capsys, monkeypatch):
     """Neither the shipped models nor the current directory."""
     shutil.copy(path, tmp_path / "run.mcap")
-    monkeypatch.setattr("sim.walkers.SHIPPED", tmp_path / "nowhere")
+    monkeypatch.setattr("sim.walkers.folder.SHIPPED", tmp_path / "nowhere")
     monkeypatch.chdir(tmp_path)
     assert replay(capsys, "run.mcap")[0] == 0
     assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]

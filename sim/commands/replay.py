@@ -38,8 +38,8 @@ def main(argv: Sequence[str]) -> int:
         _parser(Scenario(), argv).print_help()
         return 0
     from sim.log_reader import read_log
-    from sim.models import scenario_of
     from sim.review.replay import version_changes
+    from sim.walkers.model_files import scenario_of
 
     log = read_log(Path(found.run))
     before = scenario_of(log)

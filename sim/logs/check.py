@@ -14,8 +14,8 @@ from sim.errors import UserError
 from sim.log_reader import Log, log_of, read_bytes
 from sim.log_scan import Scan, parse, scan, walk
 from sim.logs.recover import gaps
-from sim.models import check_xml
 from sim.scenario.scenario import from_toml
+from sim.walkers.model_files import check_xml
 
 
 def check(path: Path) -> tuple[Log, list[str]]:

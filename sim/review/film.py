@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from sim.errors import UserError
 from sim.log_reader import Log
 from sim.logs.frames import run_of
-from sim.models import scenario_of, unpacked
 from sim.review.signals import Signals, signals_of
+from sim.walkers.model_files import scenario_of, unpacked
 
 KINDS = (".mp4", ".gif", ".png")
 EXTENT = 2.0  # [m] of what is looked at

@@ -17,8 +17,8 @@ from sim.logs.compare import Comparison, compare
 from sim.logs.frames import parsed
 from sim.loop.loop import Progress, Stop
 from sim.loop.outcome import Outcome, RunSummary
-from sim.models import ModelFiles, scenario_of, unpacked
 from sim.scenario.scenario import Scenario
+from sim.walkers.model_files import ModelFiles, scenario_of, unpacked
 
 MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")
 """Figures of a summary that depend on the machine."""

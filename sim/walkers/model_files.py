@@ -12,7 +12,7 @@ from pathlib import Path
 from sim.errors import UserError
 from sim.log_reader import Log
 from sim.scenario.scenario import Scenario, from_toml
-from sim.walkers import WalkerFolder
+from sim.walkers.folder import WalkerFolder
 
 LONGEST_HORIZON = 2000  # stages; the horizon of a log from elsewhere could ask for any amount of memory
 MOST_SUBSTEPS = 1000

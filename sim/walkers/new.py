@@ -8,7 +8,7 @@ from string import Template
 
 from sim.errors import UserError
 
-TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = Path(__file__).parent
 NAME = re.compile(r"[a-z][a-z0-9_-]*")
 TIBIA_BARE = 0.015  # [m] of the tibia's end is left to the foot in the picture
 TOE = 0.012  # [m] from the tip to the middle of the drawn toe
@@ -57,7 +57,7 @@ def create(folder: Path, urdf: Path, numbers: Mapping[str, float]) -> None:
     try:
         (folder / "gaits").mkdir(parents=True)
         shutil.copyfile(urdf, folder / f"{name}.urdf")
-        mjcf = Template((TEMPLATES / "walker.xml").read_text(encoding="utf-8")).substitute(fields, name=name)
+        mjcf = Template((TEMPLATES / "template.xml").read_text(encoding="utf-8")).substitute(fields, name=name)
         (folder / f"{name}.xml").write_text(mjcf, encoding="utf-8")
         text = Template(README).substitute(name=name, walker=folder)
         (folder / "README.md").write_text(text, encoding="utf-8")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sim.errors import UserError
 
-SHIPPED = Path(__file__).resolve().parent.parent / "models"
+SHIPPED = Path(__file__).resolve().parents[2] / "models"
 """Beside this package in a checkout and in an installation alike."""
 
 

@@ -1,0 +1,1 @@
+"""Walkers as people have them: a folder each, with model files."""
