@@ -15,8 +15,8 @@ import numpy as np
 
 from sim.compose import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
 from sim.interface import ControlStep, Observation, PlantState
+from sim.log.format.fields import STATUSES
 from sim.loop.loop import NoTape
-from sim.recorder.fields import STATUSES
 from sim.scenario.scenario import Scenario, load, with_values
 
 RUNS = ("undisturbed", "push-25N", "friction-50N", "payload-x2")

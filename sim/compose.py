@@ -13,9 +13,10 @@ from controller.compiled import on_disk
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
 from controller.qp.problem import Solver
 from controller.qp.solvers import make_solver
-from sim import provenance
 from sim.compose_controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import Controller, Observation, Plant, Vector
+from sim.log import provenance
+from sim.log.write import Recorder, RunHeader
 from sim.loop.judge import FallCriteria
 from sim.loop.loop import (
     Loop,
@@ -33,7 +34,6 @@ from sim.plant.mujoco_plant import MujocoPlant
 from sim.plant.rigid_plant import RigidPlant
 from sim.plant.sensors import Sensors
 from sim.plant.terrain import Terrain
-from sim.recorder import Recorder, RunHeader
 from sim.rig import Rig
 from sim.scenario.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.sections import Surface

@@ -39,7 +39,7 @@ def test_the_controller_loads_nothing_of_the_plant():
 
 def test_the_plant_loads_nothing_of_the_controller():
     found, of_the_controller = loaded_by(
-        "sim.plant.mujoco_plant", "sim.plant.rigid_plant", "sim.loop.loop", "sim.recorder", "sim.log_reader"
+        "sim.plant.mujoco_plant", "sim.plant.rigid_plant", "sim.loop.loop", "sim.log.write", "sim.log.read.reader"
     )
     assert {"sim", "mujoco", "mcap"} <= found
     assert not {"pinocchio", "qpsolvers"} & found

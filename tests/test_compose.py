@@ -14,7 +14,7 @@ from controller.belief.gait import load_gait
 from controller.belief.model import WalkerModel
 from sim import compose, compose_controllers
 from sim.interface import COORDINATES
-from sim.log_reader import read_log
+from sim.log.read.reader import read_log
 from sim.loop.loop import Loop, NoTape
 from sim.scenario.scenario import Push, Scenario, from_toml, with_value, with_values
 

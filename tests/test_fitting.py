@@ -15,7 +15,7 @@ from controller.fitting.library import GaitLibrary
 from controller.records import Leg, StanceState
 from sim import compose
 from sim.errors import UserError
-from sim.log_reader import read_log
+from sim.log.read.reader import read_log
 from sim.loop.loop import NoTape
 from sim.scenario.scenario import Push, Scenario, with_values
 

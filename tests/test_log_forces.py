@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sim.compose import run_scenario
-from sim.log_reader import read_log
-from sim.recorder import Recorder
-from sim.recorder.arrows import CONTACT_SCALE, PUSH_SCALE
+from sim.log.read.reader import read_log
+from sim.log.write import Recorder
+from sim.log.write.arrows import CONTACT_SCALE, PUSH_SCALE
 from sim.scenario.scenario import load, with_values
 from tests.test_recorder import HEADER, PERIOD, tick
 

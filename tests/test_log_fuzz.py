@@ -10,7 +10,7 @@ import pytest
 
 from sim.cli import main
 from sim.compose import run_scenario
-from sim.log_reader import read_log, salvage
+from sim.log.read.reader import read_log, salvage
 from sim.scenario.scenario import load, with_values
 
 DAMAGES = int(os.environ.get("CMPC_FUZZ", "80"))

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.log_reader import read_log
-from sim.logs.check import check
-from sim.logs.recover import recover
+from sim.log.read.reader import read_log
+from sim.log.tools.check import check
+from sim.log.tools.recover import recover
 
 ROOT = Path(__file__).resolve().parent.parent
 KILLS = 20

@@ -7,9 +7,16 @@ import numpy as np
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from sim.recorder.fields import CHANNELS, ENUMS, LEGS, STATUSES, TABLES, Kind
-from sim.recorder.layout import layout_of, numpy_dtype
-from sim.recorder.schema import SCHEMA, channel_metadata, descriptor, full_name, message_class
+from sim.log.format.fields import (
+    CHANNELS,
+    ENUMS,
+    LEGS,
+    STATUSES,
+    TABLES,
+    Kind,
+)
+from sim.log.format.layout import layout_of, numpy_dtype
+from sim.log.format.schema import SCHEMA, channel_metadata, descriptor, full_name, message_class
 
 SAMPLES = {
     Kind.DOUBLE: (-1.25, 0.0, float("inf"), 5e-324),

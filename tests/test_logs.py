@@ -17,11 +17,11 @@ from mcap.writer import MCAP0_MAGIC
 from sim.cli import main
 from sim.compose import run_scenario
 from sim.errors import UserError
-from sim.log_reader import read_log, salvage
-from sim.logs.compare import compare
-from sim.recorder.container import McapFile
-from sim.recorder.fields import CHANNELS, PREDICTION
-from sim.recorder.schema import SCHEMA, channel_metadata, full_name
+from sim.log.format.fields import CHANNELS, PREDICTION
+from sim.log.format.schema import SCHEMA, channel_metadata, full_name
+from sim.log.read.reader import read_log, salvage
+from sim.log.tools.compare import compare
+from sim.log.write.container import McapFile
 from sim.review import load
 from sim.scenario.scenario import load as load_scenario
 from sim.scenario.scenario import with_values

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from sim.compose import run_scenario
-from sim.log_reader import read_log
+from sim.log.read.reader import read_log
 from sim.scenario.scenario import load, with_values
 
 NODE = Path(__file__).resolve().parent / "node"

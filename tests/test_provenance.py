@@ -7,8 +7,8 @@ from importlib.metadata import version
 import pytest
 from conftest import ROOT
 
-from sim import provenance
-from sim.provenance import GitState, git_state, package_versions, platform_name
+from sim.log import provenance
+from sim.log.provenance import GitState, git_state, package_versions, platform_name
 
 
 def git(folder, *arguments):

@@ -19,11 +19,11 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from sim.errors import UserError
 from sim.interface import COORDINATES, JOINTS, Observation, PlantState
-from sim.log_reader import read_channel, read_log
+from sim.log.format.fields import CHANNELS, LEGS, LINKS, OUTPUTS, STATUSES
+from sim.log.provenance import git_state, package_versions
+from sim.log.read.reader import read_channel, read_log
+from sim.log.write import Recorder, RunHeader
 from sim.loop.outcome import RunSummary
-from sim.provenance import git_state, package_versions
-from sim.recorder import Recorder, RunHeader
-from sim.recorder.fields import CHANNELS, LEGS, LINKS, OUTPUTS, STATUSES
 
 ROOT = Path(__file__).resolve().parent.parent
 LENGTHS = {link: 0.625 if link == "torso" else 0.4 for link in LINKS}  # [m]
@@ -510,7 +510,7 @@ def test_a_directory_without_git_has_no_revision(tmp_path):
 
 def test_versions_come_without_importing_the_packages():
     code = (
-        "import sys, sim.provenance as p; v = p.package_versions(); p.git_state(); p.platform_name()\n"
+        "import sys, sim.log.provenance as p; v = p.package_versions(); p.git_state(); p.platform_name()\n"
         "assert 'numpy' in v, v\n"
         "assert not {'mujoco', 'pinocchio', 'numba', 'qpsolvers'} & set(sys.modules)"
     )

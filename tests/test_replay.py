@@ -7,7 +7,7 @@ import pytest
 
 from sim.cli import main
 from sim.compose import run_scenario
-from sim.log_reader import read_log
+from sim.log.read.reader import read_log
 from sim.scenario.scenario import load, with_values
 from tests.test_logs import exchanged
 
@@ -103,7 +103,7 @@ def test_an_interrupted_run_replays_identical(tmp_path, capsys):
 
 
 def test_other_versions_are_told(path, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("sim.provenance.package_versions", lambda: {"mujoco": "9.9"})
+    monkeypatch.setattr("sim.log.provenance.package_versions", lambda: {"mujoco": "9.9"})
     code, _, err = replay(capsys, path)
     assert code == 0 and "mujoco was 4" in err and "is 9.9" in err
 

@@ -8,7 +8,7 @@ import pytest
 
 from sim.cli import main
 from sim.compose import run_scenario
-from sim.log_reader import read_log
+from sim.log.read.reader import read_log
 from sim.review import load
 from sim.review.layouts import TABS, foxglove, plotjuggler, series_name
 from sim.review.page import page

@@ -131,7 +131,7 @@ def test_an_exception_is_an_outcome_and_wall_time_is_bounded(plan: Plan) -> None
 
 
 def test_a_full_disk_is_no_result_of_the_trial(plan: Plan, tmp_path: Path, monkeypatch) -> None:
-    from sim.recorder.container import McapFile
+    from sim.log.write.container import McapFile
 
     def full(self, data, index) -> None:
         raise UserError("log: cannot be written") from OSError(errno.ENOSPC, "No space left on device")

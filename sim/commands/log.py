@@ -10,8 +10,8 @@ from sim.errors import UserError
 from sim.settings import flags
 
 if TYPE_CHECKING:
-    from sim.log_reader import Log
-    from sim.logs.compare import ChannelComparison
+    from sim.log.read.reader import Log
+    from sim.log.tools.compare import ChannelComparison
 
 ACTIONS = {
     "info": "what ran, how it ended, and the channels",
@@ -66,7 +66,7 @@ def _show(table: Any) -> None:
 
 def _warn(log: "Log") -> None:
     """Say on stderr what is wrong with a log that is read all the same."""
-    from sim.logs.text import printable
+    from sim.log.tools.text import printable
 
     for at, text in log.problems[:5]:
         print(f"cmpc: warning: {log.path} is damaged at byte {at}: {printable(text)}", file=sys.stderr)
@@ -77,8 +77,8 @@ def _warn(log: "Log") -> None:
 
 
 def _info(found: Any, path: Path) -> int:
-    from sim.log_reader import salvage
-    from sim.logs.info import as_table, facts
+    from sim.log.read.reader import salvage
+    from sim.log.tools.info import as_table, facts
 
     log = salvage(path)
     _warn(log)
@@ -91,8 +91,8 @@ def _info(found: Any, path: Path) -> int:
 
 
 def _check(found: Any, path: Path) -> int:
-    from sim.logs.check import check
-    from sim.logs.text import printable
+    from sim.log.tools.check import check
+    from sim.log.tools.text import printable
 
     log, problems = check(path)
     if found.json:
@@ -108,8 +108,8 @@ def _check(found: Any, path: Path) -> int:
 
 
 def _recover(found: Any, source: Path, target: Path) -> int:
-    from sim.logs.recover import recover
-    from sim.logs.text import printable
+    from sim.log.tools.recover import recover
+    from sim.log.tools.text import printable
 
     saved = recover(source, target)
     for loss in saved.lost:
@@ -122,9 +122,9 @@ def _recover(found: Any, source: Path, target: Path) -> int:
 
 
 def _export(found: Any, path: Path, folder: Path) -> int:
-    from sim.log_reader import salvage
-    from sim.logs.export import export
-    from sim.logs.frames import run_of
+    from sim.log.read.frames import run_of
+    from sim.log.read.reader import salvage
+    from sim.log.tools.export import export
 
     log = salvage(path)
     _warn(log)
@@ -134,8 +134,8 @@ def _export(found: Any, path: Path, folder: Path) -> int:
 
 
 def _compare(found: Any, a: Path, b: Path) -> int:
-    from sim.log_reader import salvage
-    from sim.logs.compare import compare
+    from sim.log.read.reader import salvage
+    from sim.log.tools.compare import compare
 
     logs = salvage(a), salvage(b)
     for log in logs:
@@ -162,7 +162,7 @@ def _compare(found: Any, a: Path, b: Path) -> int:
 
 
 def _line(channel: "ChannelComparison") -> str:
-    from sim.logs.text import printable
+    from sim.log.tools.text import printable
 
     topic = f"{printable(channel.topic):<20}"
     if channel.equal:

@@ -11,7 +11,7 @@ from sim.scenario.scenario import Scenario
 from sim.settings import flags
 
 if TYPE_CHECKING:
-    from sim.log_reader import Log
+    from sim.log.read.reader import Log
     from sim.review.replay import Verdict
 
 EXIT_DIFFERENT = 1
@@ -37,7 +37,7 @@ def main(argv: Sequence[str]) -> int:
     if found.help or found.run is None:
         _parser(Scenario(), argv).print_help()
         return 0
-    from sim.log_reader import read_log
+    from sim.log.read.reader import read_log
     from sim.review.replay import version_changes
     from sim.walkers.model_files import scenario_of
 
@@ -101,7 +101,7 @@ def _replay(log: "Log", scenario: Scenario, *, quiet: bool) -> int:
 
 
 def _differences(verdict: "Verdict") -> list[str]:
-    from sim.logs.text import printable
+    from sim.log.tools.text import printable
 
     lines = list(verdict.changed)
     first = verdict.comparison.first

@@ -63,8 +63,8 @@ def _layout(viewer: str, paths: list[str]) -> int:
 
 
 def _page(paths: list[Path], out: str | None, wanted: bool | None) -> int:
-    from sim.log_reader import salvage
-    from sim.logs.text import printable
+    from sim.log.read.reader import salvage
+    from sim.log.tools.text import printable
     from sim.review.page import write_page
 
     logs = [salvage(path) for path in paths]

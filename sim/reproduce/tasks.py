@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim import provenance
 from sim.errors import UserError
+from sim.log import provenance
 from sim.reproduce.study import Task
 
 ROOT = Path(__file__).resolve().parents[2]

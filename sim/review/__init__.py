@@ -1,5 +1,5 @@
 """From a log to pictures and pages, and back to a run."""
 
-from sim.logs.frames import Event, Frame, Run, load
+from sim.log.read.frames import Event, Frame, Run, load
 
 __all__ = ["Event", "Frame", "Run", "load"]

@@ -4,8 +4,8 @@ import math
 import tomllib
 from typing import Any
 
-from sim.logs.frames import Run, parsed
-from sim.logs.text import printable
+from sim.log.read.frames import Run, parsed
+from sim.log.tools.text import printable
 from sim.scenario.scenario import Scenario, from_toml
 
 MOST_EVENTS = 500

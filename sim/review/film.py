@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.log_reader import Log
-from sim.logs.frames import run_of
+from sim.log.read.frames import run_of
+from sim.log.read.reader import Log
 from sim.review.signals import Signals, signals_of
 from sim.walkers.model_files import scenario_of, unpacked
 

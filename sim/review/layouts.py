@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from sim.interface import JOINTS
-from sim.recorder.fields import OUTPUTS
+from sim.log.format.fields import OUTPUTS
 
 COLOURS = ("#1f6fb5", "#d9690f", "#16855a", "#8b4fb8", "#c2185b", "#667080")
 

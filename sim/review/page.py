@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from sim.errors import UserError
-from sim.log_reader import Log
-from sim.logs.frames import Run, run_of
-from sim.recorder.fields import LEGS, OUTPUTS
+from sim.log.format.fields import LEGS, OUTPUTS
+from sim.log.read.frames import Run, run_of
+from sim.log.read.reader import Log
 from sim.review import facts
 from sim.review.panels import PANELS, Panel
 from sim.review.signals import Signals, decimated, difference, signals_of

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from sim.interface import JOINTS
-from sim.recorder.fields import OUTPUTS
+from sim.log.format.fields import OUTPUTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

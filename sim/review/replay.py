@@ -8,13 +8,13 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim import provenance
 from sim.compose import Announce, run_scenario
 from sim.errors import UserError
-from sim.log_reader import Log, read_log
-from sim.logs.check import changed_attachments
-from sim.logs.compare import Comparison, compare
-from sim.logs.frames import parsed
+from sim.log import provenance
+from sim.log.read.frames import parsed
+from sim.log.read.reader import Log, read_log
+from sim.log.tools.check import changed_attachments
+from sim.log.tools.compare import Comparison, compare
 from sim.loop.loop import Progress, Stop
 from sim.loop.outcome import Outcome, RunSummary
 from sim.scenario.scenario import Scenario

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.interface import COORDINATES, JOINTS
-from sim.logs.frames import Run
-from sim.recorder.fields import LEGS, OUTPUTS
+from sim.log.format.fields import LEGS, OUTPUTS
+from sim.log.read.frames import Run
 
 Column = NDArray[np.float64]
 LEAST_NORMAL = 5.0  # [N]; below it the foot hardly touches, and a friction ratio says nothing

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sim import provenance
 from sim.errors import UserError
+from sim.log import provenance
 from sim.trials import workers as pools
 from sim.trials.margin import MarginStudy, next_positions
 from sim.trials.plan import Plan, differences

@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from sim import provenance
 from sim.errors import UserError
+from sim.log import provenance
 from sim.trials.result import TrialResult
 from sim.trials.trial import LONGEST_MESSAGE, TrialSpec, axis_values, run_trial, trial_seed, work
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.log_reader import Log
+from sim.log.read.reader import Log
 from sim.scenario.scenario import Scenario, from_toml
 from sim.walkers.folder import WalkerFolder
 

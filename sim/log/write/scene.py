@@ -13,7 +13,7 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from sim.interface import COORDINATES, PlantState
-from sim.recorder.fields import LEGS, LINKS
+from sim.log.format.fields import LEGS, LINKS
 
 WORLD = "world"
 _RADIUS = 0.025  # [m] of the drawn links

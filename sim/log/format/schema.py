@@ -11,7 +11,14 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
-from sim.recorder.fields import ENUMS, PACKAGE, TABLES, ChannelTable, Field, Kind
+from sim.log.format.fields import (
+    ENUMS,
+    PACKAGE,
+    TABLES,
+    ChannelTable,
+    Field,
+    Kind,
+)
 
 _TYPES = {
     Kind.DOUBLE: FieldDescriptorProto.TYPE_DOUBLE,

@@ -14,8 +14,8 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto
 from numpy.typing import NDArray
 
-from sim.recorder.fields import ChannelTable
-from sim.recorder.schema import descriptor
+from sim.log.format.fields import ChannelTable
+from sim.log.format.schema import descriptor
 
 HEADER = 31
 """Bytes of an MCAP message record before its data: opcode, length, channel id, sequence, two times."""

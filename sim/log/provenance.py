@@ -22,7 +22,7 @@ PACKAGES = (
 )
 """Distributions whose version can change a run or its log."""
 
-_ROOT = Path(__file__).resolve().parent.parent
+_ROOT = Path(__file__).resolve().parents[2]
 _GIT_TIMEOUT = 5.0  # [s]
 
 

@@ -8,10 +8,10 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.log_reader import Log, log_of, read_bytes
-from sim.log_scan import scan
-from sim.recorder.container import McapFile
-from sim.recorder.fields import CHANNELS
+from sim.log.format.fields import CHANNELS
+from sim.log.read.reader import Log, log_of, read_bytes
+from sim.log.read.scan import scan
+from sim.log.write.container import McapFile
 
 PER_TICK = frozenset(channel.topic for channel in CHANNELS)
 CHUNK = 200_000  # [B] of messages in a chunk

@@ -8,9 +8,9 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log as Event
 from numpy.typing import NDArray
 
-from sim.log_reader import Log
-from sim.recorder.fields import CHANNELS
-from sim.recorder.layout import HEADER
+from sim.log.format.fields import CHANNELS
+from sim.log.format.layout import HEADER
+from sim.log.read.reader import Log
 
 PER_TICK = frozenset(channel.topic for channel in CHANNELS)
 WALL_TIME = ("/timing",)

@@ -18,7 +18,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log as LogMessage
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.log_reader import Log, read_log
+from sim.log.read.reader import Log, read_log
 
 _OWN = ("_tick", "_time_ns", "_publish_ns")  # what an MCAP message carries besides its fields
 MOST_COLUMNS = 2000

@@ -1,6 +1,6 @@
 """Reads a log back: tick channels as structured arrays, the rest as protobuf messages.
 
-A log is data from outside: see `sim.log_scan` for what is checked before anything is believed. A file that
+A log is data from outside: see `sim.log.read.scan` for what is checked before anything is believed. A file that
 stops in the middle (a killed run) gives everything up to the cut.
 """
 
@@ -18,8 +18,8 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.log_scan import Problem, Scan, scan
-from sim.recorder.layout import HEADER, layout_of
+from sim.log.format.layout import HEADER, layout_of
+from sim.log.read.scan import Problem, Scan, scan
 
 LARGEST_FILE = 2**31  # [B]
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import UserError
-from sim.logs.frames import Event, Frame, Run
-from sim.logs.text import file_stem
+from sim.log.read.frames import Event, Frame, Run
+from sim.log.tools.text import file_stem
 
 FORMATS = ("csv", "parquet")
 

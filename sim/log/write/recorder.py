@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.interface import ControlStep, Observation, Plan, PlantState
+from sim.log.format.fields import CHANNELS, LEGS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
+from sim.log.format.schema import SCHEMA, channel_metadata, closure, full_name
+from sim.log.write.arrows import GroundAngle, arrows_of, force_update
+from sim.log.write.block import TickBlock
+from sim.log.write.container import McapFile
+from sim.log.write.header import RunHeader
+from sim.log.write.prediction import Hindsight, horizon_message
+from sim.log.write.scene import frame_transforms, scene_update, set_time
 from sim.loop.outcome import RunSummary
-from sim.recorder.arrows import GroundAngle, arrows_of, force_update
-from sim.recorder.block import TickBlock
-from sim.recorder.container import McapFile
-from sim.recorder.fields import CHANNELS, LEGS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
-from sim.recorder.header import RunHeader
-from sim.recorder.prediction import Hindsight, horizon_message
-from sim.recorder.scene import frame_transforms, scene_update, set_time
-from sim.recorder.schema import SCHEMA, channel_metadata, closure, full_name
 
 CHUNK_TICKS = 200
 """Ticks a chunk: about 230 KiB, and what a killed process loses at most."""

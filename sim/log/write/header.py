@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 
-from sim.recorder.fields import LINKS
+from sim.log.format.fields import LINKS
 
 FORMAT = "1"
 """Version of topics, fields and metadata."""

@@ -9,8 +9,8 @@ from math import atan2, cos, hypot, sin
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from sim.interface import PlantState
-from sim.recorder.fields import LEGS
-from sim.recorder.scene import WORLD, link_poses, set_time
+from sim.log.format.fields import LEGS
+from sim.log.write.scene import WORLD, link_poses, set_time
 
 CONTACT_SCALE = 1.0 / 1000.0  # [m/N]: the weight of the walker is drawn 0.3 m long
 PUSH_SCALE = 1.0 / 80.0  # [m/N]

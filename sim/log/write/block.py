@@ -9,9 +9,16 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from sim.interface import ControlStep, Observation, PlantState, Vector
-from sim.recorder.fields import CHANNELS, LEG_CODES, LINKS, ChannelTable, Field, Kind
-from sim.recorder.layout import HEADER, layout_of
-from sim.recorder.schema import descriptor
+from sim.log.format.fields import (
+    CHANNELS,
+    LEG_CODES,
+    LINKS,
+    ChannelTable,
+    Field,
+    Kind,
+)
+from sim.log.format.layout import HEADER, layout_of
+from sim.log.format.schema import descriptor
 
 _NONE_PENETRATING = (False,) * len(LINKS)
 

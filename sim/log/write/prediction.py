@@ -3,9 +3,9 @@
 import numpy as np
 
 from sim.interface import ControlStep, Plan, PlantState, Vector
-from sim.recorder.fields import LEG_CODES, OUTPUTS, PREDICTED_IMPACT, PREDICTION
-from sim.recorder.layout import layout_of
-from sim.recorder.schema import descriptor, message_class
+from sim.log.format.fields import LEG_CODES, OUTPUTS, PREDICTED_IMPACT, PREDICTION
+from sim.log.format.layout import layout_of
+from sim.log.format.schema import descriptor, message_class
 
 STAGE_EVERY = 5
 """Stages from one logged to the next; a horizon in full would double the log."""

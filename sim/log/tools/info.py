@@ -5,9 +5,9 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from sim.log_reader import Log
-from sim.logs.frames import parsed
-from sim.logs.text import printable
+from sim.log.read.frames import parsed
+from sim.log.read.reader import Log
+from sim.log.tools.text import printable
 
 _ABOUT = ("scenario", "seed", "started", "versions", "git_revision", "git_dirty", "platform", "period_ns", "format")
 _RESULT = ("outcome", "fall_reason", "message", "steps", "time_s", "step_time_s", "step_length_m")

@@ -1,0 +1,1 @@
+"""What a log holds: fields, units, schemas."""

@@ -1,0 +1,1 @@
+"""From an MCAP file to arrays, sound or damaged."""

@@ -1,0 +1,1 @@
+"""cmpc log: info, check, recover, compare, export."""

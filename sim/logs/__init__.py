@@ -1,1 +1,0 @@
-"""Logs as data: what is in them, whether they are sound, and how two of them differ."""
