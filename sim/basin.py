@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from sim.errors import UserError
 from sim.interface import Vector
 from sim.loop.outcome import Outcome
-from sim.rig import Rig
 from sim.scenario.scenario import Push, from_toml
-from sim.step_map import Fell, distance
+from sim.stability.rig import Rig
+from sim.stability.step_map import Fell, distance
 
 AXES = {"q5": np.array([0.0, 0.0, 0.0, 0.0, 1.0]), "torso": np.array([-1.0, -1.0, 0.0, 0.0, 1.0])}
 """Offset of the five angles per offset of the torso, body order."""
 
-EPSILON = 0.05  # [rad], rates in units of `sim.step_map.RATE_SCALE`
+EPSILON = 0.05  # [rad], rates in units of `sim.stability.step_map.RATE_SCALE`
 STEPS = 25
 SETTLING, KEPT = 25, 10  # steps of the undisturbed walk, and of those whose mean is the periodic state
 

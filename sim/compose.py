@@ -34,9 +34,9 @@ from sim.plant.mujoco_plant import MujocoPlant
 from sim.plant.rigid_plant import RigidPlant
 from sim.plant.sensors import Sensors
 from sim.plant.terrain import Terrain
-from sim.rig import Rig
 from sim.scenario.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
-from sim.sections import Surface
+from sim.stability.rig import Rig
+from sim.stability.sections import Surface
 from sim.viewer import check_display, viewer
 from sim.walkers.model_files import LIBRARY, ModelFiles, library_json
 

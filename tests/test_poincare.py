@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim import cli, poincare
+from sim import cli
 from sim.compose import build_rig
-from sim.fixed_point import find_fixed_point
 from sim.plant.kinematics import LegGeometry
 from sim.scenario.scenario import Scenario, with_values
-from sim.sections import Surface, to_stance_order
-from sim.step_map import Fell, StepMap, distance, jacobian
+from sim.stability import poincare
+from sim.stability.fixed_point import find_fixed_point
+from sim.stability.sections import Surface, to_stance_order
+from sim.stability.step_map import Fell, StepMap, distance, jacobian
 
 LEGS = LegGeometry(lengths=((0.4, 0.4), (0.4, 0.4)))
 SURFACE = Surface(LEGS)

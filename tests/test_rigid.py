@@ -190,7 +190,7 @@ def test_the_foot_that_lands_is_at_rest_and_the_impulse_is_the_change_of_momentu
 
 
 def test_a_state_on_the_switching_surface_is_taken_through_the_impact_at_reset() -> None:
-    from sim.sections import Surface
+    from sim.stability.sections import Surface
 
     plant = make()
     x = Surface(plant.legs).project(np.concatenate(BEFORE))

@@ -83,10 +83,10 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
         step_size: The one perturbation to use in [rad]; None for the step-size study.
         quiet: Whether to show no progress on stderr.
     """
-    from sim import poincare
     from sim.compose import build_rig
-    from sim.fixed_point import find_fixed_point
-    from sim.step_map import Fell, scaled
+    from sim.stability import poincare
+    from sim.stability.fixed_point import find_fixed_point
+    from sim.stability.step_map import Fell, scaled
 
     def say(text: str) -> None:
         if not quiet and sys.stderr.isatty():
@@ -138,7 +138,7 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
 
 
 def _text(report: dict[str, Any], scenario: Scenario) -> str:
-    from sim.fixed_point import SHARP
+    from sim.stability.fixed_point import SHARP
 
     head = f"{scenario.name}, {scenario.controller.kind}, {scenario.plant.kind} plant"
     lines = [head]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from sim.interface import ControlStep, Observation, PlantState, Vector
 from sim.loop.loop import NoTape
 from sim.loop.outcome import Outcome
-from sim.rig import Rig
 from sim.scenario.scenario import Scenario, from_toml, with_values
+from sim.stability.rig import Rig
 
 _SWAPPED = np.array([1, 0, 3, 2])
 OUTCOMES = tuple(outcome.value for outcome in Outcome)
@@ -168,16 +168,16 @@ def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: i
 
 
 def stability(scenario: str, step_sizes: list[float], repeats: int) -> dict[str, NDArray[Any]]:
-    """Fixed point and eigenvalues of the step map (`sim.poincare`).
+    """Fixed point and eigenvalues of the step map (`sim.stability.poincare`).
 
     Returns:
         "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
         of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h",
         "noise", "roughness", "study_h", "study_largest", "study_jumps".
     """
-    from sim import poincare
-    from sim.fixed_point import find_fixed_point
-    from sim.step_map import Fell
+    from sim.stability import poincare
+    from sim.stability.fixed_point import find_fixed_point
+    from sim.stability.step_map import Fell
 
     rig = _rig(scenario)
     summary = rig.run(NoTape(), steps=15)

@@ -11,8 +11,8 @@ from sim.loop.loop import Loop, Stop, Tape
 from sim.loop.outcome import Outcome, RunSummary
 from sim.plant.kinematics import LEGS
 from sim.scenario.scenario import Push, Scenario
-from sim.sections import SectionTape, Surface
-from sim.step_map import Fell
+from sim.stability.sections import SectionTape, Surface
+from sim.stability.step_map import Fell
 
 FIRST_STANCE = LEGS[0]
 MAP_TIME = 3.0  # [s] allowed for the one step of a step map

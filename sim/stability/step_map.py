@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.interface import Vector
-from sim.sections import Surface
+from sim.stability.sections import Surface
 
 RATE_SCALE = 4.0
 """[1/s] A perturbation of h rad in an angle goes with one of 4 h rad/s in a rate; sqrt(g / leg) is 3.5 1/s."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interface import Vector
-from sim.sections import Surface
-from sim.step_map import Fell, StepMap, expand, jacobian, reduce
+from sim.stability.sections import Surface
+from sim.stability.step_map import Fell, StepMap, expand, jacobian, reduce
 
 STEP_SIZES = (3e-2, 2e-2, 1e-2, 5e-3, 3e-3, 1e-3, 3e-4, 1e-4)
 """[rad] of the step-size study."""

@@ -5,8 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.interface import Vector
-from sim.sections import Surface
-from sim.step_map import Fell, StepMap, distance, expand, jacobian, reduce, scaled
+from sim.stability.sections import Surface
+from sim.stability.step_map import (
+    Fell,
+    StepMap,
+    distance,
+    expand,
+    jacobian,
+    reduce,
+    scaled,
+)
 
 SETTLED = 1e-6  # [rad] change of a step at which Newton takes over
 PATIENCE = 10  # steps without a smaller change after which walking brings nothing more

@@ -1,0 +1,1 @@
+"""Return maps, fixed points and eigenvalues of the sampled closed loop."""
