@@ -37,7 +37,7 @@ from sim.plant.terrain import Terrain
 from sim.scenario.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.stability.rig import Rig
 from sim.stability.sections import Surface
-from sim.viewer import check_display, viewer
+from sim.terminal.viewer import check_display, viewer
 from sim.walkers.model_files import LIBRARY, ModelFiles, library_json
 
 __all__ = [

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.interrupt import stop_on_signal
 from sim.scenario.scenario import Scenario, load, to_toml, with_value
 from sim.settings import flags
+from sim.terminal.interrupt import stop_on_signal
 
 DEFAULT = "undisturbed"
 OUT = Path("logs/basin")
@@ -106,10 +106,10 @@ def _map(
     workers: int,
     quiet: bool,
 ) -> int:
-    from sim.bar import cost_bar
     from sim.basin import Fate, Grid
     from sim.reproduce import draw, fig8, report, tasks
     from sim.reproduce.study import CONTROLLER_NAMES, CONTROLLERS, PLANT_NAMES, Task
+    from sim.terminal.bar import cost_bar
 
     draw.require()
     grid = Grid.of(torso, force)

@@ -83,8 +83,8 @@ def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
 
 
 def _replay(log: "Log", scenario: Scenario, *, quiet: bool) -> int:
-    from sim.progress import progress_bar
     from sim.review.replay import replay
+    from sim.terminal.progress import progress_bar
 
     with progress_bar(scenario.steps, quiet=quiet) as show:
         verdict = replay(log, progress=show, announce=announce)
@@ -117,9 +117,9 @@ def _differences(verdict: "Verdict") -> list[str]:
 
 
 def _rerun(log: "Log", changed: Scenario, target: Path | None, *, quiet: bool, json: bool) -> int:
-    from sim.interrupt import stop_on_signal
-    from sim.progress import progress_bar
     from sim.review.replay import rerun
+    from sim.terminal.interrupt import stop_on_signal
+    from sim.terminal.progress import progress_bar
 
     path = target or default_log(changed)
     check_new_log(path)

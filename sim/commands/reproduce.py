@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sim.bar import cost_bar
 from sim.errors import UserError
-from sim.interrupt import stop_on_signal
 from sim.reproduce import EXPERIMENTS
 from sim.scenario.scenario import Scenario
 from sim.settings import flags
+from sim.terminal.bar import cost_bar
+from sim.terminal.interrupt import stop_on_signal
 
 OUT, OUT_QUICK = Path("logs/reproduce"), Path("logs/reproduce-quick")
 WIDTH = 200  # columns of a table that goes to a file

@@ -118,8 +118,8 @@ def check_new_log(path: Path) -> None:
 
 def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
     from sim.compose import run_scenario
-    from sim.interrupt import stop_on_signal
-    from sim.progress import progress_bar
+    from sim.terminal.interrupt import stop_on_signal
+    from sim.terminal.progress import progress_bar
 
     with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
         summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=announce, view=view)
@@ -136,7 +136,7 @@ def announce(line: str) -> None:
 
 def print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
     """Print a summary as a table, or as one JSON object."""
-    from sim.summary import as_json, as_table
+    from sim.terminal.summary import as_json, as_table
 
     if json:
         print(as_json(summary), flush=True)

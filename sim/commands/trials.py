@@ -75,7 +75,7 @@ def _print_list() -> None:
 
 
 def _run(found: Namespace) -> int:
-    from sim.interrupt import stop_on_signal
+    from sim.terminal.interrupt import stop_on_signal
     from sim.trials.campaign import run_plan
     from sim.trials.plan import load_plan
     from sim.trials.progress import show_progress
