@@ -85,7 +85,7 @@ def column(
 
 @functools.lru_cache(maxsize=4)
 def _prepared(scenario: str) -> tuple[Rig, Vector]:
-    from sim.compose import build_rig
+    from sim.bridge.run import build_rig
 
     rig = build_rig(from_toml(scenario))
     try:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.compose import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
+from sim.bridge.run import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
 from sim.interface import ControlStep, Observation, PlantState
 from sim.log.format.fields import STATUSES
 from sim.loop.loop import NoTape

@@ -1,7 +1,7 @@
 """What passes between the two worlds: an observation one way, a torque the other, 1000 times a second.
 
 The loop and the recorder know the controller only as the protocols below; `controller/` declares its own
-mirror of them, and the type checker compares the two where they meet (`sim/compose.py`).
+mirror of them, and the type checker compares the two where they meet (`sim/bridge/run.py`).
 """
 
 from collections.abc import Sequence

@@ -57,7 +57,7 @@ class FakeRun:
 @pytest.fixture
 def run(monkeypatch, tmp_path):
     fake = FakeRun()
-    monkeypatch.setitem(sys.modules, "sim.compose", types.SimpleNamespace(run_scenario=fake))
+    monkeypatch.setitem(sys.modules, "sim.bridge.run", types.SimpleNamespace(run_scenario=fake))
     monkeypatch.chdir(tmp_path)
     return fake
 

@@ -12,7 +12,8 @@ from fakes import Step
 
 from controller.belief.gait import load_gait
 from controller.belief.model import WalkerModel
-from sim import compose, compose_controllers
+from sim.bridge import controllers as compose_controllers
+from sim.bridge import run as compose
 from sim.interface import COORDINATES
 from sim.log.read.reader import read_log
 from sim.loop.loop import Loop, NoTape

@@ -11,9 +11,9 @@ from conftest import RABBIT
 from random_walkers import scaled_urdf
 
 from controller.design.requirements import Requirements
+from sim.bridge.gaits import check_new_file
 from sim.cli import main
 from sim.commands.gait import REQUIREMENTS
-from sim.compose_design import check_new_file
 from sim.errors import UserError
 
 URDF = RABBIT / "rabbit.urdf"

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.compose import run_scenario
 from sim.scenario.scenario import load, with_values
 
 ROOT = Path(__file__).resolve().parent.parent

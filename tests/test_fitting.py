@@ -13,7 +13,7 @@ from controller.fitting.controller import FittingRule, GaitFitting
 from controller.fitting.family import GaitFamily
 from controller.fitting.library import GaitLibrary
 from controller.records import Leg, StanceState
-from sim import compose
+from sim.bridge import run as compose
 from sim.errors import UserError
 from sim.log.read.reader import read_log
 from sim.loop.loop import NoTape

@@ -6,7 +6,7 @@ from math import cos, sin
 import numpy as np
 import pytest
 
-from sim.compose import run_scenario
+from sim.bridge.run import run_scenario
 from sim.log.read.reader import read_log
 from sim.log.write import Recorder
 from sim.log.write.arrows import CONTACT_SCALE, PUSH_SCALE

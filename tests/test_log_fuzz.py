@@ -8,8 +8,8 @@ from itertools import cycle
 import numpy as np
 import pytest
 
+from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.compose import run_scenario
 from sim.log.read.reader import read_log, salvage
 from sim.scenario.scenario import load, with_values
 

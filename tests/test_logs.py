@@ -14,8 +14,8 @@ from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC
 
+from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.compose import run_scenario
 from sim.errors import UserError
 from sim.log.format.fields import CHANNELS, PREDICTION
 from sim.log.format.schema import SCHEMA, channel_metadata, full_name

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.ltv.orbit import find_orbit, nominal_rate
-from sim import compose
+from sim.bridge import run as compose
 from sim.interface import Observation
 from sim.loop.loop import NoTape
 from sim.scenario.scenario import Push, Scenario, with_values

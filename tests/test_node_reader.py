@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.compose import run_scenario
+from sim.bridge.run import run_scenario
 from sim.log.read.reader import read_log
 from sim.scenario.scenario import load, with_values
 

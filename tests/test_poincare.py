@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sim import cli
-from sim.compose import build_rig
+from sim.bridge.run import build_rig
 from sim.plant.kinematics import LegGeometry
 from sim.scenario.scenario import Scenario, with_values
 from sim.stability import poincare

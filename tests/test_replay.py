@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 
+from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.compose import run_scenario
 from sim.log.read.reader import read_log
 from sim.scenario.scenario import load, with_values
 from tests.test_logs import exchanged

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
+from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.compose import run_scenario
 from sim.log.read.reader import read_log
 from sim.review import load
 from sim.review.layouts import TABS, foxglove, plotjuggler, series_name

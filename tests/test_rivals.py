@@ -8,7 +8,7 @@ import pytest
 from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.records import Leg
 from controller.rivals import dense_qp
-from sim import compose
+from sim.bridge import run as compose
 from sim.interface import Observation
 from sim.loop.loop import NoTape
 from sim.scenario.scenario import Scenario, with_values

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.compose import run_scenario
+from sim.bridge.run import run_scenario
 from sim.trials.recall import stored_scenario
 from sim.trials.result import TrialResult, result_without_times
 from sim.trials.store import FILE, Store

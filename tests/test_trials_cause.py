@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fakes import Step, plant_state
 
-from sim.compose import build_plant, known_belief, run_scenario
+from sim.bridge.run import build_plant, known_belief, run_scenario
 from sim.scenario.scenario import Scenario, load, with_values
 from sim.settings.tree import spec_at
 from sim.trials.cause import PROOFS, Cause, decisive

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from sim.bridge.run import build_controller, known_belief
 from sim.cli import main
-from sim.compose import build_controller, known_belief
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario, from_toml, with_values
 from sim.trials.plan import load_plan

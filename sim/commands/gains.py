@@ -46,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
         if not legal:
             raise UserError(f"{flag} {value}; legal: evaluations 1 or above, period 0 to 0.02 s, seed 0 or above")
 
-    from sim.compose_gains import search_gains
+    from sim.bridge.gains import search_gains
 
     result = search_gains(
         found.walker,

@@ -113,7 +113,7 @@ def _design(argv: Sequence[str]) -> int:
         raise UserError(f"--step-time {found.step_time} s; legal: above 0 s")
     speed = found.speed if found.speed is not None else found.step_length / found.step_time
 
-    from sim import compose_design
+    from sim.bridge import gaits as compose_design
 
     made, design = compose_design.design_gait(
         found.walker,
@@ -137,7 +137,7 @@ def _check(argv: Sequence[str]) -> int:
     parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
     found = parser.parse(argv)
 
-    from sim import compose_design
+    from sim.bridge import gaits as compose_design
 
     return _judge(compose_design.belief(found.gait, found.walker), _changes(found), found)
 
@@ -151,7 +151,7 @@ def _polish(argv: Sequence[str]) -> int:
     parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
     found = parser.parse(argv)
 
-    from sim import compose_design
+    from sim.bridge import gaits as compose_design
 
     printed = compose_design.belief(found.gait, found.walker)
     polished = compose_design.polish_gait(printed, Path(found.out), force=found.force)
@@ -175,7 +175,7 @@ def _library(argv: Sequence[str]) -> int:
         if value < 1:
             raise UserError(f"{flag} {value}; legal: 1 or above")
 
-    from sim import compose_design
+    from sim.bridge import gaits as compose_design
 
     files = compose_design.library_gaits(
         found.walker,
@@ -193,7 +193,7 @@ def _library(argv: Sequence[str]) -> int:
 
 
 def _judge(made: Any, changes: dict[str, Any], found: argparse.Namespace, extra: dict[str, Any] | None = None) -> int:
-    from sim import compose_design
+    from sim.bridge import gaits as compose_design
 
     report = compose_design.check_gait(made, changes)
     if found.plot:

@@ -22,7 +22,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     found = parser.parse(argv)
 
-    from sim import compose_design
+    from sim.bridge import gaits as compose_design
 
     first, second = compose_design.beliefs((found.first, found.second), found.walker)
     comparison = compose_design.compare_gaits(first, second)
@@ -51,7 +51,7 @@ def _print(found: Any) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from sim.compose_design import ROLES
+    from sim.bridge.gaits import ROLES
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 140)
     names = found.first.name, found.second.name

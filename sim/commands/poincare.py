@@ -83,7 +83,7 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
         step_size: The one perturbation to use in [rad]; None for the step-size study.
         quiet: Whether to show no progress on stderr.
     """
-    from sim.compose import build_rig
+    from sim.bridge.run import build_rig
     from sim.stability import poincare
     from sim.stability.fixed_point import find_fixed_point
     from sim.stability.step_map import Fell, scaled

@@ -117,7 +117,7 @@ def check_new_log(path: Path) -> None:
 
 
 def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
-    from sim.compose import run_scenario
+    from sim.bridge.run import run_scenario
     from sim.terminal.interrupt import stop_on_signal
     from sim.terminal.progress import progress_bar
 

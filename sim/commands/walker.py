@@ -35,7 +35,7 @@ def _new(argv: Sequence[str]) -> int:
     parser.add_argument("--urdf", required=True, metavar="FILE.urdf", help="five links, conventions of models/rabbit")
     found = parser.parse(argv)
 
-    from sim.compose_walker import new_walker
+    from sim.bridge.walker import new_walker
 
     folder = Path(found.folder)
     model = new_walker(folder, Path(found.urdf))
@@ -58,7 +58,7 @@ def _check(argv: Sequence[str]) -> int:
     if found.steps < 1:
         raise UserError(f"--steps {found.steps}; legal: 1 or above")
 
-    from sim.compose_walker import check_walker
+    from sim.bridge.walker import check_walker
 
     lines: list[dict[str, Any]] = []
 

@@ -74,7 +74,7 @@ class Record:
 
 @functools.lru_cache(maxsize=4)
 def _rig(scenario: str) -> Rig:
-    from sim.compose import build_rig
+    from sim.bridge.run import build_rig
 
     return build_rig(from_toml(scenario))
 
@@ -93,7 +93,7 @@ def walk(scenario: str) -> dict[str, NDArray[Any]]:
 
 
 def _survives(scenario: Scenario) -> bool:
-    from sim.compose import build_rig
+    from sim.bridge.run import build_rig
 
     return build_rig(scenario).run(NoTape()).outcome == Outcome.COMPLETED.value
 

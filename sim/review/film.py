@@ -117,7 +117,7 @@ def _camera(log: Log, size: tuple[int, int]) -> Iterator[Any]:
     try:
         import mujoco
 
-        from sim.compose import build_plant
+        from sim.bridge.run import build_plant
     except (ImportError, AttributeError, RuntimeError) as error:
         raise UserError(f"{GL_HELP} ({type(error).__name__}: {error})") from error
     scenario = scenario_of(log)

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.compose import Announce, run_scenario
+from sim.bridge.run import Announce, run_scenario
 from sim.errors import UserError
 from sim.log import provenance
 from sim.log.read.frames import parsed

@@ -148,7 +148,7 @@ def _disk_full(error: BaseException | None) -> bool:
 @functools.cache
 def _warm_up(walker: str, gait: str, kind: str, solver: str) -> None:
     """One step under a push, once a process, so that compiling the controller is not on a trial's clock."""
-    from sim.compose import known_belief, run_scenario
+    from sim.bridge.run import known_belief, run_scenario
 
     changes = {"walker": walker, "gait": gait, "controller.kind": kind, "controller.solver": solver, "steps": 1}
     push = {"pushes.0.force": WARM_UP_PUSH, "pushes.0.step": 1}
@@ -161,7 +161,7 @@ def _run(scenario: Scenario, spec: TrialSpec, deadline: float, tape: Tape) -> tu
     A log grows under a name of its own and gets its final one when it is complete, so that a killed campaign
     leaves no half log under a name that counts.
     """
-    from sim.compose import known_belief, run_scenario
+    from sim.bridge.run import known_belief, run_scenario
 
     plan = spec.plan
     belief = known_belief(scenario.walker, scenario.gait)

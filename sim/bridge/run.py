@@ -13,7 +13,7 @@ from controller.compiled import on_disk
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
 from controller.qp.problem import Solver
 from controller.qp.solvers import make_solver
-from sim.compose_controllers import Belief, build_controller, known_belief, load_belief
+from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import Controller, Observation, Plant, Vector
 from sim.log import provenance
 from sim.log.write import Recorder, RunHeader

@@ -11,8 +11,8 @@ from controller.belief.gait import load_gait
 from controller.belief.model import Link, WalkerModel
 from controller.design.check import check, requirements_of
 from controller.errors import ControllerInputError
-from sim.compose import run_scenario
-from sim.compose_errors import as_user_errors
+from sim.bridge.errors import as_user_errors
+from sim.bridge.run import run_scenario
 from sim.errors import UserError
 from sim.loop.outcome import Outcome
 from sim.plant.mechanics import ORDER, Mechanics

@@ -14,7 +14,7 @@ from controller.cmpc.cascade import PENALTY, CascadedMpc, Friction, Weights
 from controller.cmpc.zero_dynamics import ZeroDynamicsController
 from controller.qp.problem import ROWS, Solver
 from controller.qp.solvers import make_solver
-from sim.compose_errors import as_user_errors
+from sim.bridge.errors import as_user_errors
 from sim.interface import Controller
 from sim.scenario.scenario import ControllerSettings, Scenario
 from sim.walkers.model_files import ModelFiles

@@ -12,8 +12,8 @@ from controller.belief.kernels import Gains
 from controller.design import gains as gain_search
 from controller.design import gait_file
 from sim import search
-from sim.compose_design import belief
-from sim.compose_errors import as_user_errors
+from sim.bridge.errors import as_user_errors
+from sim.bridge.gaits import belief
 from sim.walkers.folder import WalkerFolder
 
 PAPER = (60.0, 90.0, 90.0, 50.0, 10.0, 20.0, 20.0, 10.0)

@@ -22,7 +22,7 @@ from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.fitting import library
 from controller.records import ROLES
-from sim.compose_errors import as_user_errors
+from sim.bridge.errors import as_user_errors
 from sim.errors import UserError
 from sim.walkers.folder import WalkerFolder
 

@@ -1,0 +1,1 @@
+"""The one place where both worlds meet."""
