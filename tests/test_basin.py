@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from sim import basin, cli
+from sim import cli
 from sim.errors import UserError
+from sim.reproduce import basin
 from sim.scenario.scenario import Scenario, to_toml, with_values
 
 RIGID = to_toml(with_values(Scenario(), {"plant.kind": "rigid", "plant.timestep": 1e-3, "controller.kind": "zd-pd"}))
@@ -76,7 +77,7 @@ def test_bad_input_is_named(capsys, tmp_path, words: list[str], message: str) ->
 
 
 def test_areas_count_converged_points_only() -> None:
-    from sim.reproduce import fig8
+    from sim.reproduce.experiments import fig8
 
     grid = basin.Grid.of((0.0, 1.0, 2), (0.0, 10.0, 2))
     fates = {"a/zd-pd/0": [1, 2], "a/zd-pd/1": [0, 1]}

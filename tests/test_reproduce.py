@@ -15,6 +15,11 @@ from sim.reproduce import (
     EXPERIMENTS,
     criteria,
     draw,
+    measure,
+    report,
+    tasks,
+)
+from sim.reproduce.experiments import (
     fig3,
     fig4,
     fig5,
@@ -22,10 +27,7 @@ from sim.reproduce import (
     fig7,
     fig8,
     incline,
-    measure,
-    report,
     table2,
-    tasks,
 )
 from sim.reproduce.panels import LinePanel, Series, thinned
 from sim.reproduce.study import PLANTS, Effort, Evaluation, Finding, Task, Verdict

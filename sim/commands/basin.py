@@ -106,8 +106,9 @@ def _map(
     workers: int,
     quiet: bool,
 ) -> int:
-    from sim.basin import Fate, Grid
-    from sim.reproduce import draw, fig8, report, tasks
+    from sim.reproduce import draw, report, tasks
+    from sim.reproduce.basin import Fate, Grid
+    from sim.reproduce.experiments import fig8
     from sim.reproduce.study import CONTROLLER_NAMES, CONTROLLERS, PLANT_NAMES, Task
     from sim.terminal.bar import cost_bar
 
@@ -119,7 +120,7 @@ def _map(
         text = to_toml(with_value(scenario, "controller.kind", controller))
         for i, offset in enumerate(grid.torso.tolist()):
             wanted[f"{controller}/{i}"] = Task(
-                function="sim.basin:column",
+                function="sim.reproduce.basin:column",
                 arguments={
                     "scenario": text,
                     "axis": axis,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sim.basin import EPSILON, STEPS, Fate, Grid
+from sim.reproduce.basin import EPSILON, STEPS, Fate, Grid
 from sim.reproduce.panels import BLUE, ORANGE, MapPanel, Region
 from sim.reproduce.study import (
     CONTROLLERS,
@@ -23,8 +23,8 @@ READINGS = {
     "torso": ("torso tilted about the hip", (-0.8, 0.8), PLANTS, (25, 31), (7, 5)),
     "q5": ("q5 alone: the whole walker tilted about its foot", (-0.2, 0.2), ("rigid",), (13, 13), (5, 5)),
 }
-"""Two readings of "we disturb q5", as `sim.basin` calls them: words, offsets in [rad], plants that can do it, and
-numbers of offsets and forces, in full and coarse."""
+"""Two readings of "we disturb q5", as `sim.reproduce.basin` calls them: words, offsets in [rad], plants that can do
+it, and numbers of offsets and forces, in full and coarse."""
 
 CLASSES = ("neither", "ZD+PD only", "both", "C-MPC only")
 COLOURS = ("#f4f4f2", "#d9731a", "#8fb8de", "#1f5fa8")
@@ -50,7 +50,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     """A column of a map a task."""
     return {
         f"{name}/{controller}/{i}": Task(
-            function="sim.basin:column",
+            function="sim.reproduce.basin:column",
             arguments={
                 "scenario": effort.scenario(plant, controller),
                 "axis": axis,

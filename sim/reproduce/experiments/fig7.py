@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.reproduce.criteria import ROUNDING, above, never_above
-from sim.reproduce.fig5 import between
+from sim.reproduce.experiments.fig5 import between
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series, Span, thinned
 from sim.reproduce.study import PLANT_NAMES, PLANTS, Arrays, Effort, Evaluation, Finding, Results, Task, Verdict
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from sim.reproduce.criteria import TENTH, negligible
-from sim.reproduce.fig5 import FORCE, PUSHED_STEP, between, rms
+from sim.reproduce.experiments.fig5 import FORCE, PUSHED_STEP, between, rms
 from sim.reproduce.panels import JOINT_STYLES, LinePanel, Series, Span, thinned
 from sim.reproduce.study import (
     JOINT_NAMES,

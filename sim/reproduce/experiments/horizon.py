@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.reproduce.criteria import TENTH, no_larger, no_worse, walks
-from sim.reproduce.fig5 import FORCE, PUSHED_STEP, between, rms
+from sim.reproduce.experiments.fig5 import FORCE, PUSHED_STEP, between, rms
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series
 from sim.reproduce.study import PLANT_NAMES, PLANTS, Effort, Evaluation, Finding, Results, Task, Verdict
 

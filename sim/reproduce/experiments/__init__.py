@@ -1,0 +1,1 @@
+"""One module a figure, table or claim of the paper."""
