@@ -13,8 +13,8 @@ from sim.interface import Observation
 from sim.loop.loop import NoTape
 from sim.scenario.scenario import Scenario, with_values
 from sim.trials import TrialSpec, run_trial
-from sim.trials.plan import from_toml
-from sim.trials.result import result_without_times
+from sim.trials.plan.plan import from_toml
+from sim.trials.run.result import result_without_times
 
 KINDS = ("clf-qp", "output-mpc")
 LIMIT = np.array([75.0, 75.0, 50.0, 50.0])  # [N.m]

@@ -17,13 +17,20 @@ import pytest
 from sim import cli
 from sim.errors import UserError
 from sim.trials import TrialSpec, run_plan, run_trial
-from sim.trials.campaign import Results
-from sim.trials.findings import random_findings, sides
-from sim.trials.plan import Plan, differences, from_toml, load_plan, shipped_names, to_toml
-from sim.trials.recall import open_results, stored_scenario
-from sim.trials.result import TrialResult, result_without_times
-from sim.trials.store import FILE, Store
-from sim.trials.trial import trial_scenario, trial_seed
+from sim.trials.plan.plan import (
+    Plan,
+    differences,
+    from_toml,
+    load_plan,
+    shipped_names,
+    to_toml,
+)
+from sim.trials.report.findings import random_findings, sides
+from sim.trials.run.campaign import Results
+from sim.trials.run.recall import open_results, stored_scenario
+from sim.trials.run.result import TrialResult, result_without_times
+from sim.trials.run.store import FILE, Store
+from sim.trials.run.trial import trial_scenario, trial_seed
 
 PLAN = """
 name = "small"
@@ -349,7 +356,7 @@ def test_a_full_disk_stops_the_campaign_and_keeps_what_there_is(tmp_path: Path, 
 
 
 def test_a_second_campaign_in_the_same_folder_is_refused(plan: Plan, tmp_path: Path) -> None:
-    from sim.trials.store import locked
+    from sim.trials.run.store import locked
 
     with locked(tmp_path), pytest.raises(UserError, match="another campaign"), locked(tmp_path):
         pass
@@ -428,7 +435,7 @@ def test_an_unknown_trial_is_refused(trial: str, plan: Plan, tmp_path: Path, cap
 
 def test_an_unreachable_cluster_is_refused(monkeypatch) -> None:
     pytest.importorskip("distributed")
-    from sim.trials import workers
+    from sim.trials.run import workers
 
     monkeypatch.setattr(workers, "CONNECT_TIMEOUT", 0.5)
     with pytest.raises(UserError, match=r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"):

@@ -11,8 +11,8 @@ from fakes import Step, plant_state
 from sim.bridge.run import build_plant, known_belief, run_scenario
 from sim.scenario.scenario import Scenario, load, with_values
 from sim.settings.tree import spec_at
-from sim.trials.cause import PROOFS, Cause, decisive
-from sim.trials.witness import SHARES, Witness
+from sim.trials.falls.cause import PROOFS, Cause, decisive
+from sim.trials.falls.witness import SHARES, Witness
 
 DT = 1e-3  # [s]
 LIMIT = 150.0  # [N.m]

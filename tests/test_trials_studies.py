@@ -9,11 +9,18 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from sim.scenario.scenario import Scenario
-from sim.trials import stats
-from sim.trials.findings import Side
-from sim.trials.grid import GridAxis, GridStudy, boundary
-from sim.trials.margin import Margin, MarginAxis, MarginStudy, bracket, margin, next_positions
-from sim.trials.montecarlo import MonteCarloStudy, RandomAxis
+from sim.trials.plan.grid import GridAxis, GridStudy, boundary
+from sim.trials.plan.margin import (
+    Margin,
+    MarginAxis,
+    MarginStudy,
+    bracket,
+    margin,
+    next_positions,
+)
+from sim.trials.plan.montecarlo import MonteCarloStudy, RandomAxis
+from sim.trials.report import stats
+from sim.trials.report.findings import Side
 
 SLOPE = ("plant.ground.slope",)
 

@@ -55,7 +55,7 @@ def _scenario(found: Namespace) -> Scenario:
         return load(found.scenario or DEFAULT)
     if found.scenario is not None:
         raise UserError(f"{found.scenario} and --from-trial: must be one of them; a trial brings its scenario")
-    from sim.trials.recall import stored_scenario
+    from sim.trials.run.recall import stored_scenario
 
     return stored_scenario(found.from_trial)
 

@@ -12,7 +12,7 @@ from sim.errors import UserError
 from sim.settings import flags
 
 if TYPE_CHECKING:
-    from sim.trials.campaign import Results
+    from sim.trials.run.campaign import Results
 
 LEAST_TRIALS = 4  # of a benchmark
 EPILOG = """\
@@ -68,7 +68,7 @@ def _parser() -> flags.Parser:
 
 
 def _print_list() -> None:
-    from sim.trials.plan import load_plan, shipped_names
+    from sim.trials.plan.plan import load_plan, shipped_names
 
     for name in shipped_names():
         print(f"{name:<16}{load_plan(name).description}")
@@ -76,9 +76,9 @@ def _print_list() -> None:
 
 def _run(found: Namespace) -> int:
     from sim.terminal.interrupt import stop_on_signal
-    from sim.trials.campaign import run_plan
-    from sim.trials.plan import load_plan
-    from sim.trials.progress import show_progress
+    from sim.trials.plan.plan import load_plan
+    from sim.trials.run.campaign import run_plan
+    from sim.trials.run.progress import show_progress
 
     if found.workers is not None and found.cluster is not None:
         raise UserError("--workers and --cluster: must be one of them; a cluster brings its own workers")
@@ -87,7 +87,7 @@ def _run(found: Namespace) -> int:
         plan = replace(plan, controllers=_kinds(found.controllers))
     client = None
     if found.cluster is not None:
-        from sim.trials.workers import connect
+        from sim.trials.run.workers import connect
 
         client = connect(found.cluster)
     try:
@@ -135,8 +135,8 @@ def _kinds(text: str) -> tuple[str, ...]:
 
 
 def _finish(results: "Results", out: Path) -> None:
-    from sim.trials.report import write_report
-    from sim.trials.summary import summarise
+    from sim.trials.report.report import write_report
+    from sim.trials.report.summary import summarise
 
     page = write_report(results, out)
     print(summarise(results))
@@ -168,8 +168,8 @@ def _bench(argv: Sequence[str]) -> int:
 
 
 def _open(folder: str) -> "Results":
-    from sim.trials.campaign import Results
-    from sim.trials.recall import open_results
+    from sim.trials.run.campaign import Results
+    from sim.trials.run.recall import open_results
 
     plan, store = open_results(folder)
     return Results(plan=plan, store=store)
@@ -189,8 +189,8 @@ def _show(argv: Sequence[str]) -> int:
     parser.add_argument("--trial", metavar="CONTROLLER/NUMBER", required=True)
     found = parser.parse(argv)
 
-    from sim.trials.recall import stored_trial
-    from sim.trials.summary import describe
+    from sim.trials.report.summary import describe
+    from sim.trials.run.recall import stored_trial
 
     result = stored_trial(found.folder, found.trial)
     print(describe(result))

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from sim.bench import Figure
 from sim.scenario.scenario import Scenario
-from sim.trials.campaign import Progress, cores, run_plan
-from sim.trials.montecarlo import MonteCarloStudy, RandomAxis
-from sim.trials.plan import Plan
+from sim.trials.plan.montecarlo import MonteCarloStudy, RandomAxis
+from sim.trials.plan.plan import Plan
+from sim.trials.run.campaign import Progress, cores, run_plan
 
 STEPS = 5
 TARGETS = {"c-mpc": ">= 3", "zd-pd": ">= 10"}

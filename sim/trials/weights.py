@@ -17,10 +17,10 @@ from sim import search
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario, load, with_values
 from sim.settings import tree as settings
-from sim.trials.campaign import run_plan
-from sim.trials.plan import Plan
-from sim.trials.result import TrialResult
-from sim.trials.stats import mcnemar
+from sim.trials.plan.plan import Plan
+from sim.trials.report.stats import mcnemar
+from sim.trials.run.campaign import run_plan
+from sim.trials.run.result import TrialResult
 
 KIND = "c-mpc"
 OUTPUT, OUTPUT_RATE, HORIZON = "controller.weights.output", "controller.weights.output_rate", "controller.horizon"

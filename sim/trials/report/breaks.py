@@ -4,15 +4,15 @@ import html
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from sim.trials import plots
-from sim.trials import witness as w
-from sim.trials.axis import label
-from sim.trials.campaign import Results
-from sim.trials.findings import Side, sides
-from sim.trials.margin import MarginStudy
-from sim.trials.page import key
-from sim.trials.result import TrialResult
-from sim.trials.summary import DIRECTIONS
+from sim.trials.falls import witness as w
+from sim.trials.plan.axis import label
+from sim.trials.plan.margin import MarginStudy
+from sim.trials.report import plots
+from sim.trials.report.findings import Side, sides
+from sim.trials.report.page import key
+from sim.trials.report.summary import DIRECTIONS
+from sim.trials.run.campaign import Results
+from sim.trials.run.result import TrialResult
 
 SYMPTOMS = {
     "start": f"a foot begins deeper than {1e3 * w.SUNK:g} mm in the ground, and the fall within {w.AT_ONCE:g} s",

@@ -9,7 +9,7 @@ import numpy as np
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario
 from sim.settings.units import AT_LEAST_ONE, NOT_NEGATIVE, Unit
-from sim.trials.axis import Value, label, spec_of
+from sim.trials.plan.axis import Value, label, spec_of
 
 MOST_REDRAWS = 10_000
 

@@ -2,8 +2,8 @@
 
 import html
 
-from sim.trials.axis import Value
-from sim.trials.svg import COLOURS, INK, LIGHT
+from sim.trials.plan.axis import Value
+from sim.trials.report.svg import COLOURS, INK, LIGHT
 
 _PICTURES = f"""
 svg [fill="{INK}"], svg text:not([fill]) {{ fill: #dfe3e8; }} svg [stroke="{INK}"] {{ stroke: #dfe3e8; }}

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario
 from sim.settings.units import AT_LEAST_ONE, POSITIVE, Unit
-from sim.trials.axis import label, spec_of
+from sim.trials.plan.axis import label, spec_of
 
 MOST_POINTS = 1_000_000  # lattice points of an axis
 

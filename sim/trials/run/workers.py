@@ -11,8 +11,15 @@ from typing import Any
 
 from sim.errors import UserError
 from sim.log import provenance
-from sim.trials.result import TrialResult
-from sim.trials.trial import LONGEST_MESSAGE, TrialSpec, axis_values, run_trial, trial_seed, work
+from sim.trials.run.result import TrialResult
+from sim.trials.run.trial import (
+    LONGEST_MESSAGE,
+    TrialSpec,
+    axis_values,
+    run_trial,
+    trial_seed,
+    work,
+)
 
 Execute = Callable[[Iterable[TrialSpec]], Iterator[TrialResult]]
 """Runs trials and yields their results in any order."""

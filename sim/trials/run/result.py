@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sim.trials.axis import Value
-from sim.trials.cause import decisive
+from sim.trials.falls.cause import decisive
+from sim.trials.plan.axis import Value
 
 TIMING = ("wall_s", "solve_median_ms", "solve_p99_ms", "solve_max_ms", "tick_median_ms")
 """Fields of a result that differ from run to run; all others depend on plan, controller and index alone."""
@@ -48,8 +48,8 @@ class TrialResult:
         tick_median_ms: Median controller time in [ms].
         wall_s: Wall time of the trial in [s].
         log: Name of the log in the results' folder, empty if none was kept.
-        cause: What finally broke, the value of a `sim.trials.cause.Cause`; empty unless it fell.
-        evidence: Fields of the `sim.trials.cause.Evidence` for it, as JSON.
+        cause: What finally broke, the value of a `sim.trials.falls.cause.Cause`; empty unless it fell.
+        evidence: Fields of the `sim.trials.falls.cause.Evidence` for it, as JSON.
     """
 
     controller: str

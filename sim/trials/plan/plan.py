@@ -14,12 +14,12 @@ from sim.errors import UserError
 from sim.scenario.scenario import Scenario
 from sim.settings import tree as settings
 from sim.settings.units import NOT_NEGATIVE, POSITIVE, Second, Unit
-from sim.trials.axis import Axis, Value, changes, label, scenario_at
-from sim.trials.grid import GridStudy
-from sim.trials.margin import MarginStudy
-from sim.trials.montecarlo import MonteCarloStudy
+from sim.trials.plan.axis import Axis, Value, changes, label, scenario_at
+from sim.trials.plan.grid import GridStudy
+from sim.trials.plan.margin import MarginStudy
+from sim.trials.plan.montecarlo import MonteCarloStudy
 
-SHIPPED = Path(__file__).parent / "plans"
+SHIPPED = Path(__file__).parent / "shipped"
 
 Study = GridStudy | MarginStudy | MonteCarloStudy
 

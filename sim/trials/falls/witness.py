@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.interface import JOINTS, ControlStep, Observation, PlantState, Vector
 from sim.loop.loop import NoTape
-from sim.trials.cause import Cause, Evidence
+from sim.trials.falls.cause import Cause, Evidence
 
 KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than the time after which a run is stalled
 WINDOW = 0.04  # [s]

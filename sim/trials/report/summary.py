@@ -3,12 +3,12 @@
 import dataclasses
 import json
 
-from sim.trials.axis import label
-from sim.trials.campaign import Results
-from sim.trials.findings import Side, grid_rows, random_findings, sides, weakest
-from sim.trials.grid import GridStudy
-from sim.trials.margin import MarginStudy
-from sim.trials.result import TrialResult
+from sim.trials.plan.axis import label
+from sim.trials.plan.grid import GridStudy
+from sim.trials.plan.margin import MarginStudy
+from sim.trials.report.findings import Side, grid_rows, random_findings, sides, weakest
+from sim.trials.run.campaign import Results
+from sim.trials.run.result import TrialResult
 
 DIRECTIONS = {-1: "down", 1: "up"}
 _UNITS = {

@@ -20,12 +20,12 @@ from sim.interface import JOINTS
 from sim.loop.loop import Tape
 from sim.loop.outcome import Outcome, RunSummary
 from sim.scenario.scenario import Scenario
-from sim.trials.axis import Value, changes, label, scenario_at
-from sim.trials.grid import GridStudy
-from sim.trials.margin import MarginStudy
-from sim.trials.plan import Plan
-from sim.trials.result import TrialResult
-from sim.trials.witness import Witness
+from sim.trials.falls.witness import Witness
+from sim.trials.plan.axis import Value, changes, label, scenario_at
+from sim.trials.plan.grid import GridStudy
+from sim.trials.plan.margin import MarginStudy
+from sim.trials.plan.plan import Plan
+from sim.trials.run.result import TrialResult
 
 WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
 LONGEST_MESSAGE = 300  # characters of an exception that a result keeps

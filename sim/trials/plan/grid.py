@@ -9,7 +9,7 @@ from typing import Annotated
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario
 from sim.settings.units import NOT_NEGATIVE, Unit
-from sim.trials.axis import Value, label, spec_of
+from sim.trials.plan.axis import Value, label, spec_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sim.trials.campaign import Progress, Report
+from sim.trials.run.campaign import Progress, Report
 
 LINE_EVERY = 10.0  # [s] between lines where stderr is no terminal
 

@@ -10,16 +10,16 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.loop.judge import FallCriteria
-from sim.trials.breaks import breaks_page
-from sim.trials.campaign import Results, pending
-from sim.trials.grid import GridStudy
-from sim.trials.grid_section import grid_section
-from sim.trials.margin import MarginStudy
-from sim.trials.margin_section import margin_section
-from sim.trials.page import controller_colour, document, key, number
-from sim.trials.plan import to_toml
-from sim.trials.random_section import random_section
-from sim.trials.result import TrialResult
+from sim.trials.plan.grid import GridStudy
+from sim.trials.plan.margin import MarginStudy
+from sim.trials.plan.plan import to_toml
+from sim.trials.report.breaks import breaks_page
+from sim.trials.report.grid_section import grid_section
+from sim.trials.report.margin_section import margin_section
+from sim.trials.report.page import controller_colour, document, key, number
+from sim.trials.report.random_section import random_section
+from sim.trials.run.campaign import Results, pending
+from sim.trials.run.result import TrialResult
 
 REPORT, BREAKS = "report.html", "breaks.html"
 MOST_FALLS = 100  # rows of the list of falls

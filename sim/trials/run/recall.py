@@ -5,10 +5,10 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario
-from sim.trials.plan import Plan
-from sim.trials.result import TrialResult
-from sim.trials.store import FILE, Store
-from sim.trials.trial import trial_scenario
+from sim.trials.plan.plan import Plan
+from sim.trials.run.result import TrialResult
+from sim.trials.run.store import FILE, Store
+from sim.trials.run.trial import trial_scenario
 
 
 def split_id(text: str, plan: Plan) -> tuple[str, int]:

@@ -12,12 +12,12 @@ from typing import Any
 
 from sim.errors import UserError
 from sim.log import provenance
-from sim.trials import workers as pools
-from sim.trials.margin import MarginStudy, next_positions
-from sim.trials.plan import Plan, differences
-from sim.trials.result import TrialResult
-from sim.trials.store import FILE, LOGS, Store, locked, set_aside
-from sim.trials.trial import TrialSpec
+from sim.trials.plan.margin import MarginStudy, next_positions
+from sim.trials.plan.plan import Plan, differences
+from sim.trials.run import workers as pools
+from sim.trials.run.result import TrialResult
+from sim.trials.run.store import FILE, LOGS, Store, locked, set_aside
+from sim.trials.run.trial import TrialSpec
 
 MOST_DIFFERENCES = 5  # shown when a plan has changed
 MOST_CRASHES = 3  # times in a row a pool of processes may break

@@ -3,13 +3,23 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from sim.trials.axis import Value, label
-from sim.trials.findings import RandomFindings, Side
-from sim.trials.grid import GridAxis
-from sim.trials.result import TrialResult
-from sim.trials.stats import Attribution, wilson
-from sim.trials.svg import COLOURS, FELL, GREY, INK, LIGHT, SURVIVED, element, picture, titled
-from sim.trials.svg import label as text
+from sim.trials.plan.axis import Value, label
+from sim.trials.plan.grid import GridAxis
+from sim.trials.report.findings import RandomFindings, Side
+from sim.trials.report.stats import Attribution, wilson
+from sim.trials.report.svg import (
+    COLOURS,
+    FELL,
+    GREY,
+    INK,
+    LIGHT,
+    SURVIVED,
+    element,
+    picture,
+    titled,
+)
+from sim.trials.report.svg import label as text
+from sim.trials.run.result import TrialResult
 
 BAR = 11.0  # height of a bar
 
@@ -23,7 +33,7 @@ CAUSE_COLOURS = {
     "torque": "#c8442f",
     "unclear": "#c9ced4",
 }
-"""Of the first words of `sim.trials.cause.Cause`."""
+"""Of the first words of `sim.trials.falls.cause.Cause`."""
 
 
 def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> str:
@@ -72,7 +82,7 @@ def cause_bars(falls: Mapping[str, Mapping[str, int]], title: str) -> str:
     """What broke, a bar for each controller, as long as it has falls.
 
     Args:
-        falls: Number of falls by controller and by cause (the value of a `sim.trials.cause.Cause`).
+        falls: Number of falls by controller and by cause (the value of a `sim.trials.falls.cause.Cause`).
         title: What the falls are those of.
     """
     left, width = 90.0, 560.0

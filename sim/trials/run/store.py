@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, Self
 
 from sim.errors import UserError
-from sim.trials import plan as plans
-from sim.trials.plan import Plan
-from sim.trials.result import TrialResult
+from sim.trials.plan import plan as plans
+from sim.trials.plan.plan import Plan
+from sim.trials.run.result import TrialResult
 
 VERSION = 2
 """Version of the tables; no other is read."""

@@ -1,0 +1,1 @@
+"""What a campaign tries: axes, grids, margins, draws."""
