@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sim.bench import Figure
+    from sim.bench.ticks import Figure
 
 
 def main(argv: Sequence[str]) -> int:
@@ -19,7 +19,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--json", action="store_true", help="print the figures as one JSON object")
     found = parser.parse_args(argv)
 
-    from sim.bench import benchmark
+    from sim.bench.ticks import benchmark
 
     def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)

@@ -159,8 +159,8 @@ def _bench(argv: Sequence[str]) -> int:
     if found.trials < LEAST_TRIALS:
         raise UserError(f"--trials = {found.trials}: must be {LEAST_TRIALS} or above")
 
+    from sim.bench.trials import benchmark
     from sim.commands.bench import show
-    from sim.trials.bench import benchmark
 
     kinds = _kinds(found.controllers)
     show(benchmark(kinds, found.trials, lambda line: print(line, file=sys.stderr, flush=True)), as_json=found.json)

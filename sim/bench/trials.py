@@ -4,7 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 
-from sim.bench import Figure
+from sim.bench.ticks import Figure
 from sim.scenario.scenario import Scenario
 from sim.trials.plan.montecarlo import MonteCarloStudy, RandomAxis
 from sim.trials.plan.plan import Plan

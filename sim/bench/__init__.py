@@ -1,0 +1,1 @@
+"""What a tick, a solve, a run and a trial cost."""
