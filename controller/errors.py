@@ -1,5 +1,5 @@
-"""Errors the controller raises; messages name the file or argument, the value, its unit and what is legal."""
+"""Errors a user can cause or meet; every message names the thing, its value, its unit and what is legal."""
 
 
-class ControllerInputError(ValueError):
-    """A model, gait or setting the controller can not work with."""
+class UserError(ValueError):
+    """Bad input. The command line prints the message on one line and exits with code 2."""

@@ -1,18 +1,26 @@
-"""The records that flow through the controller; arrays in them are read-only by convention.
+"""What passes between the two worlds: an observation one way, a torque the other, 1000 times a second.
 
+Common ground: `sim` knows a controller only by what stands here. Arrays in records are read-only by convention.
 Joint vectors of shape (4,) are in *stance order* (stance hip, swing hip, stance knee, swing knee) inside the
 controller and in *body order* (left hip, right hip, left knee, right knee) at its border: `Observation` and
 `ControlStep`. The two orders differ by `swap_legs` when the right leg stands.
 """
 
-from dataclasses import dataclass
-from enum import Enum
+import functools
+from dataclasses import dataclass, field
+from enum import Enum, StrEnum
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
+
+JOINTS = ("left_hip", "right_hip", "left_knee", "right_knee")
+"""Actuated joints, the body order of every torque vector of shape (4,)."""
+
+COORDINATES = (*JOINTS, "torso")
+"""Body order of every angle and rate vector of shape (5,): four joint angles, then the absolute torso angle."""
 
 STANCE_HIP, SWING_HIP, STANCE_KNEE, SWING_KNEE, TORSO = range(5)
 ROLES = ("stance hip", "swing hip", "stance knee", "swing knee")
@@ -55,24 +63,21 @@ class Leg(Enum):
         return vector if self is Leg.LEFT else swap_legs(vector)
 
 
-class Observation(Protocol):
-    """What a controller may see at one tick.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Observation:
+    """What a controller may see of the plant at one tick.
 
     Attributes:
         t: Time since the start of the run in [s].
-        q: Joint angles, body order, then the absolute torso angle in [rad], (5,).
+        q: Joint angles and absolute torso angle in [rad], (5,), ordered as `COORDINATES`.
         dq: Their rates in [rad/s], (5,).
         contact: Whether the (left, right) foot touches the ground.
     """
 
-    @property
-    def t(self) -> float: ...  # noqa: D102
-    @property
-    def q(self) -> Vector: ...  # noqa: D102
-    @property
-    def dq(self) -> Vector: ...  # noqa: D102
-    @property
-    def contact(self) -> tuple[bool, bool]: ...  # noqa: D102
+    t: float
+    q: Vector
+    dq: Vector
+    contact: tuple[bool, bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,15 +105,34 @@ class Plan(Protocol):
         """Predicted stance contact forces, (tangential, normal) in [N], (N, 2)."""
 
 
+class Status(StrEnum):
+    """How a torque came about; the order is part of the log's format: append, never reorder."""
+
+    OTHER = "other"
+    ZD_PD = "zd-pd"  # no optimisation
+    OPTIMAL = "optimal"
+    NO_SOLUTION = "no-solution"
+    SOLVER_ERROR = "solver-error"
+    SECOND_SOLVER = "second-solver"  # one behind the one asked for
+    PREDICTION_DIVERGED = "prediction-diverged"
+    SUBOPTIMAL = "suboptimal"  # a plan that could be better
+    RELAXED = "relaxed"  # the limits left no way to what a law guarantees
+
+
+_zeros2, _zeros3, _zeros4 = (functools.partial(np.zeros, n) for n in (2, 3, 4))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ControlStep:
-    """What a controller decided in one tick; joint vectors in body order, outputs in stance order.
+    """What a controller decided in one tick: a torque; all else is for the log and has a default.
+
+    Joint vectors are ordered as `JOINTS`, outputs in stance order.
 
     Attributes:
         stance: Leg the controller believes to stand, "left" or "right".
-        u_zd: ZD+PD share of the torque in [N.m], (4,), not saturated; the feed-forward of a law without ZD+PD inside.
-        u_mpc: MPC share in [N.m], (4,).
         u_total: Commanded torque, Eq. (23), in [N.m], (4,).
+        u_zd: ZD+PD share of it in [N.m], (4,), not saturated; the feed-forward of a law without ZD+PD inside.
+        u_mpc: MPC share in [N.m], (4,).
         y: Outputs, Eq. (5), in [rad], (4,).
         dy: Output rates in [rad/s], (4,).
         theta: Internal clock in [rad].
@@ -116,8 +140,7 @@ class ControlStep:
         s: Normalised clock, 0 to 1 over a nominal step.
         contact_force: Stance force expected under `u_total`, (tangential, normal) in [N], (2,).
         impact_in: Ticks to the first predicted impact, -1 if none within the horizon.
-        status: "zd-pd", "optimal", "suboptimal" for a plan that could be better, "relaxed" where the limits left no
-            way to what a law guarantees, or why the tick fell back to saturated ZD+PD.
+        status: How the torque came about, or why the tick fell back to saturated ZD+PD.
         fallback: Whether it did.
         iterations: Solver iterations.
         residuals: Feasibility, stationarity and complementarity residuals of the solved problem, (3,).
@@ -129,22 +152,32 @@ class ControlStep:
     """
 
     stance: str
-    u_zd: Vector
-    u_mpc: Vector
     u_total: Vector
-    y: Vector
-    dy: Vector
-    theta: float
-    dtheta: float
-    s: float
-    contact_force: Vector
-    impact_in: int
-    status: str
-    fallback: bool
-    iterations: int
-    residuals: Vector
-    slack: float
-    active: int
-    solve_s: float
+    u_zd: Vector = field(default_factory=_zeros4)
+    u_mpc: Vector = field(default_factory=_zeros4)
+    y: Vector = field(default_factory=_zeros4)
+    dy: Vector = field(default_factory=_zeros4)
+    theta: float = 0.0
+    dtheta: float = 0.0
+    s: float = 0.0
+    contact_force: Vector = field(default_factory=_zeros2)
+    impact_in: int = -1
+    status: Status = Status.OTHER
+    fallback: bool = False
+    iterations: int = 0
+    residuals: Vector = field(default_factory=_zeros3)
+    slack: float = 0.0
+    active: int = 0
+    solve_s: float = 0.0
     plan: Plan | None = None
     followed: float = 0.0
+
+
+class Controller(Protocol):
+    """A law: from an observation to a torque. State it needs between ticks it keeps itself."""
+
+    def reset(self, stance: str) -> None:
+        """Forget the past; `stance` ("left" or "right") is the leg that stands at the start."""
+
+    def step(self, observation: Observation) -> ControlStep:
+        """Decide the torque for the coming control period."""

@@ -1,8 +1,8 @@
-"""Errors a user can cause or meet; every message names the thing, its value, its unit and what is legal."""
+"""Errors of a run; those of a user's input are common ground."""
 
+from controller.errors import UserError
 
-class UserError(ValueError):
-    """Bad input. The command line prints the message on one line and exits with code 2."""
+__all__ = ["PlantDiverged", "UserError"]
 
 
 class PlantDiverged(RuntimeError):

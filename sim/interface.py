@@ -1,43 +1,32 @@
-"""What passes between the two worlds: an observation one way, a torque the other, 1000 times a second.
+"""The truth's side of the seam: what a plant is and what it tells.
 
-The loop and the recorder know the controller only as the protocols below; `controller/` declares its own
-mirror of them, and the type checker compares the two where they meet (`sim/bridge/run.py`).
+What passes between the two worlds (`Observation`, `ControlStep`, `Controller`) is common ground, handed on from
+`controller.records`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from controller.records import COORDINATES, JOINTS, Controller, ControlStep, Observation, Plan, Status, Vector
 
-Vector = NDArray[np.float64]
-
-JOINTS = ("left_hip", "right_hip", "left_knee", "right_knee")
-"""Actuated joints, the order of every torque vector of shape (4,)."""
-
-COORDINATES = (*JOINTS, "torso")
-"""Order of every angle and rate vector of shape (5,): four joint angles, then the absolute torso angle."""
+__all__ = [
+    "COORDINATES",
+    "FEET",
+    "JOINTS",
+    "AppliedForce",
+    "ControlStep",
+    "Controller",
+    "Observation",
+    "Plan",
+    "Plant",
+    "PlantState",
+    "Status",
+    "Vector",
+]
 
 FEET = ("left_foot", "right_foot")
 """Order of every per-foot array."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Observation:
-    """What the controller may see of the plant at one tick.
-
-    Attributes:
-        t: Time since the start of the run in [s].
-        q: Joint angles and absolute torso angle in [rad], (5,), ordered as `COORDINATES`.
-        dq: Their rates in [rad/s], (5,).
-        contact: Whether the (left, right) foot touches the ground.
-    """
-
-    t: float
-    q: Vector
-    dq: Vector
-    contact: tuple[bool, bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,71 +110,3 @@ class Plant(Protocol):
         Raises:
             PlantDiverged: the state is not finite any more.
         """
-
-
-class Plan(Protocol):
-    """What a controller expects over its horizon; a `ControlStep` may carry one as `plan`."""
-
-    def outputs(self) -> Vector:
-        """Predicted outputs in [rad], (N + 1, 4), stance order of each stage."""
-
-    def contact_forces(self) -> Vector:
-        """Predicted stance contact forces, (tangential, normal) in [N], (N, 2)."""
-
-
-class ControlStep(Protocol):
-    """What a controller decided in one tick. Joint vectors are ordered as `JOINTS`, outputs in stance order.
-
-    Attributes:
-        stance: "left" or "right": the leg the controller believes to stand.
-        u_zd: ZD+PD share of the commanded torque in [N.m], (4,), before any saturation; the feed-forward of a
-            controller without ZD+PD inside.
-        u_mpc: MPC share in [N.m], (4,); zeros for a controller without one.
-        u_total: Commanded torque in [N.m], (4,).
-        y: Outputs q_i - h_d,i(theta) in [rad], (4,): stance hip, swing hip, stance knee, swing knee.
-        dy: Their rates in [rad/s], (4,).
-        theta: Internal clock in [rad].
-        dtheta: Its rate in [rad/s].
-        s: Normalised clock, 0 at the start and 1 at the end of a nominal step.
-        contact_force: Stance contact force the model expects under `u_total`, (tangential, normal) in [N], (2,).
-        impact_in: Ticks to the next impact the prediction sees, -1 if none within the horizon.
-        status: How the torque came about: "zd-pd", "optimal", "suboptimal", "relaxed", or the reason for falling back
-            to ZD+PD.
-        fallback: Whether the named fall-back policy was used in this tick.
-        iterations: Solver iterations.
-        residuals: Primal residual, dual residual and duality gap of the solved problem, (3,).
-        slack: Largest softening of a contact-force row over the horizon in [N].
-        active: Number of active constraints over the horizon.
-        solve_s: Wall time spent in the solver in [s].
-        followed: Speed of the gait followed over that of the scenario's gait in [m/s], 0 for that gait itself.
-    """
-
-    stance: str
-    u_zd: Vector
-    u_mpc: Vector
-    u_total: Vector
-    y: Vector
-    dy: Vector
-    theta: float
-    dtheta: float
-    s: float
-    contact_force: Vector
-    impact_in: int
-    status: str
-    fallback: bool
-    iterations: int
-    residuals: Vector
-    slack: float
-    active: int
-    solve_s: float
-    followed: float
-
-
-class Controller(Protocol):
-    """A law: from an observation to a torque. State it needs between ticks it keeps itself."""
-
-    def reset(self, stance: str) -> None:
-        """Forget the past; `stance` ("left" or "right") is the leg that stands at the start."""
-
-    def step(self, observation: Observation) -> Any:
-        """Decide the torque for the coming control period; returns a `ControlStep`."""

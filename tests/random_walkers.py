@@ -12,7 +12,7 @@ from conftest import RABBIT
 from controller.belief.model import WalkerModel
 from controller.design.optimise import design
 from controller.design.requirements import Requirements
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 
 SPREAD = 0.3
 
@@ -72,7 +72,7 @@ def main(walkers: int = 20) -> None:
                 words = f"{model.lumped.mass:.1f} kg, legs {model.leg_length:.3f} m: cost {orbit.cost:.0f} N^2 m s"
                 words += f", delta^2 {orbit.delta**2:.3f}"
                 found += 1
-            except ControllerInputError as error:
+            except UserError as error:
                 words = str(error)
             print(f"{seed:2d} {time.perf_counter() - start:5.1f} s  {words}", flush=True)
     print(f"{found} of {walkers}")

@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 from conftest import RABBIT
-from fakes import Step
+from fakes import control_step
 
 from controller.belief.gait import load_gait
 from controller.belief.model import WalkerModel
@@ -192,7 +192,7 @@ class Stiff:
 
     def step(self, observation):
         u = 800.0 * (self.q - observation.q)[:4] - 20.0 * observation.dq[:4]
-        return Step(stance=self.stance, u_zd=u, u_total=u, status="posture")
+        return control_step(stance=self.stance, u_zd=u, u_total=u, status="posture")
 
 
 def test_a_third_controller_needs_the_protocol_alone():

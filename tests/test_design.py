@@ -22,7 +22,7 @@ from controller.design.poincare import return_map, step
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.design.transverse import transverse_eigenvalues
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.fitting.library import GaitLibrary, file_name
 
 PAPER_EIGENVALUE = 0.75
@@ -180,7 +180,7 @@ def test_work_is_cheaper_where_work_is_the_cost(model, small):
     ],
 )
 def test_what_no_gait_can_keep_is_refused_by_name(model, request_, words):
-    with pytest.raises(ControllerInputError) as caught:
+    with pytest.raises(UserError) as caught:
         design(model, Requirements(**request_))
     assert all(word in str(caught.value) for word in words), str(caught.value)
 
@@ -211,7 +211,7 @@ def test_a_gait_of_another_walker_is_refused(model):
     tac = WalkerModel(RABBIT.parent / "rabbit-tac" / "rabbit-tac.urdf")
     path = next((RABBIT.parent / "rabbit-tac" / "gaits").glob("*.toml"))
     assert load_gait(path, tac).name == path.stem
-    with pytest.raises(ControllerInputError, match=f"rabbit-tac.*{tac.fingerprint}.*{model.fingerprint}"):
+    with pytest.raises(UserError, match=f"rabbit-tac.*{tac.fingerprint}.*{model.fingerprint}"):
         load_gait(path, model)
 
 
@@ -253,12 +253,12 @@ def test_library_is_continuous_in_speed(library):
 
 @pytest.mark.parametrize(("speed", "length", "word"), [(0.3, 0.4, "speed = 0.3"), (0.8, 0.6, "step length = 0.6")])
 def test_outside_the_library_is_refused(library, speed, length, word):
-    with pytest.raises(ControllerInputError, match=f"{word}.*legal"):
+    with pytest.raises(UserError, match=f"{word}.*legal"):
         library.gait(speed, length)
 
 
 def test_an_empty_folder_is_no_library(model, tmp_path):
-    with pytest.raises(ControllerInputError, match="no library gaits"):
+    with pytest.raises(UserError, match="no library gaits"):
         GaitLibrary.load(tmp_path, model)
 
 

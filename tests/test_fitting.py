@@ -8,13 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.design.orbit import periodic_orbit
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.fitting.controller import FittingRule, GaitFitting
 from controller.fitting.family import GaitFamily
 from controller.fitting.library import GaitLibrary
 from controller.records import Leg, StanceState
 from sim.bridge import run as compose
-from sim.errors import UserError
 from sim.log.read.reader import read_log
 from sim.loop.loop import NoTape
 from sim.scenario.scenario import Push, Scenario, with_values
@@ -168,7 +167,7 @@ def test_a_log_carries_the_library_and_runs_again_from_it(tmp_path):
 def test_gaits_that_can_not_be_fitted_are_refused(belief, tmp_path):
     library = GaitLibrary.load(belief.library, belief.model)
     other_clock = dataclasses.replace(belief.gait, clock=np.array([-1.0, 0.0, -0.4, 0.0, -1.0]))
-    with pytest.raises(ControllerInputError, match="clock"):
+    with pytest.raises(UserError, match="clock"):
         GaitFamily.around(other_clock, library)
     empty = dataclasses.replace(belief, library=tmp_path)
     with pytest.raises(UserError, match="no library gaits"):

@@ -9,7 +9,7 @@ from conftest import RABBIT
 
 from controller.belief import kernels
 from controller.belief.gait import load_gait, power_basis
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 
 PAPER = (RABBIT / "gaits" / "paper.toml").read_text()
 
@@ -115,7 +115,7 @@ def test_a_bad_gait_file_is_refused(case, tmp_path, model):
     path = tmp_path / "bad.toml"
     path.write_text(change(PAPER))
     assert path.read_text() != PAPER
-    with pytest.raises(ControllerInputError) as caught:
+    with pytest.raises(UserError) as caught:
         load_gait(path, model)
     message = str(caught.value)
     assert message.startswith(f"{path}: ") and "\n" not in message
@@ -124,11 +124,11 @@ def test_a_bad_gait_file_is_refused(case, tmp_path, model):
 
 
 def test_a_missing_gait_file_is_refused(tmp_path, model):
-    with pytest.raises(ControllerInputError, match=r"none\.toml: no such gait"):
+    with pytest.raises(UserError, match=r"none\.toml: no such gait"):
         load_gait(tmp_path / "none.toml", model)
 
 
 def test_a_gait_file_that_is_no_text_is_refused(tmp_path, model):
     (tmp_path / "bad.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ControllerInputError, match=r"bad\.toml: not a TOML file"):
+    with pytest.raises(UserError, match=r"bad\.toml: not a TOML file"):
         load_gait(tmp_path / "bad.toml", model)

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from fakes import Step, plant_state
+from fakes import control_step, plant_state
 
 from sim.loop.judge import Judge, TouchDown
 from sim.loop.metrics import Durations, Metrics
@@ -38,7 +38,9 @@ def test_figures_are_their_definitions(judge):
     y, zd, mpc, torque = (rng.normal(size=(50, 4)) for _ in range(4))
     for k in range(50):
         state = plant_state(t=0.1 + k * 1e-3, torque=torque[k])
-        metrics.tick(state, Step(y=y[k], u_zd=zd[k], u_mpc=mpc[k], fallback=k % 10 == 0, slack=k / 7), judge, 1e-4)
+        metrics.tick(
+            state, control_step(y=y[k], u_zd=zd[k], u_mpc=mpc[k], fallback=k % 10 == 0, slack=k / 7), judge, 1e-4
+        )
     found = summary(metrics)
     assert found.output_error_rms_rad == pytest.approx(np.sqrt(np.mean(y**2)))
     assert found.mpc_torque_share == pytest.approx(np.sqrt(np.mean(mpc**2) / np.mean(zd**2)))
@@ -52,7 +54,7 @@ def test_friction_is_that_of_the_stance_foot_outside_impacts(judge):
     metrics = Metrics()
 
     def tick(t, left, right=(0.0, 0.0)):
-        metrics.tick(plant_state(t=t, contact_force=np.array([left, right])), Step(), judge, 0.0)
+        metrics.tick(plant_state(t=t, contact_force=np.array([left, right])), control_step(), judge, 0.0)
         return summary(metrics).friction_ratio_max
 
     assert tick(0.01, (300.0, 100.0)) == 0.0  # within 20 ms of the start
@@ -91,7 +93,7 @@ def test_a_fall_says_why_and_an_interruption_has_a_message():
 def test_every_field_of_the_summary_is_plain_data():
     """So that JSON holds it; NumPy scalars are not."""
     metrics = Metrics()
-    metrics.tick(plant_state(t=0.1), Step(solve_s=1e-3), Judge("left"), 1e-3)
+    metrics.tick(plant_state(t=0.1), control_step(solve_s=1e-3), Judge("left"), 1e-3)
 
     def plain(value):
         if isinstance(value, dict):

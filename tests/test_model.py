@@ -8,7 +8,7 @@ import pytest
 from conftest import RABBIT
 
 from controller.belief.model import B, WalkerModel, lump
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.records import Leg, swap_legs
 
 URDF = (RABBIT / "rabbit.urdf").read_text()
@@ -136,7 +136,7 @@ def edited(tmp_path, pattern, replacement, count=0):
 
 
 def refuse(path, *words):
-    with pytest.raises(ControllerInputError) as caught:
+    with pytest.raises(UserError) as caught:
         WalkerModel(path)
     message = str(caught.value)
     assert "\n" not in message and str(path) in message

@@ -8,7 +8,7 @@ import pytest
 
 from controller.cmpc.cascade import Friction, Weights, build_problem
 from controller.cmpc.prediction import predict
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.qp.problem import StageQP, failed
 from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
@@ -124,7 +124,7 @@ def test_failed_must_not_be_used():
 
 
 def test_an_unknown_solver_is_refused_with_the_known_ones():
-    with pytest.raises(ControllerInputError, match=r"controller\.solver = 'cplexx'.*riccati.*clarabel.*piqp"):
+    with pytest.raises(UserError, match=r"controller\.solver = 'cplexx'.*riccati.*clarabel.*piqp"):
         make_solver("cplexx", N, 3)
 
 

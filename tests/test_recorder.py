@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from math import cos, sin
 from pathlib import Path
@@ -18,7 +18,7 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from sim.errors import UserError
-from sim.interface import COORDINATES, JOINTS, Observation, PlantState
+from sim.interface import COORDINATES, JOINTS, ControlStep, Observation, PlantState
 from sim.log.format.fields import CHANNELS, LEGS, LINKS, OUTPUTS, STATUSES
 from sim.log.provenance import git_state, package_versions
 from sim.log.read.reader import read_channel, read_log
@@ -60,30 +60,6 @@ SUMMARY = RunSummary(
 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Step:
-    """A `ControlStep` for tests."""
-
-    stance: str
-    u_zd: np.ndarray
-    u_mpc: np.ndarray
-    u_total: np.ndarray
-    y: np.ndarray
-    dy: np.ndarray
-    theta: float
-    dtheta: float
-    s: float
-    contact_force: np.ndarray
-    impact_in: int
-    status: str
-    fallback: bool
-    iterations: int
-    residuals: np.ndarray
-    slack: float
-    active: int
-    solve_s: float
-
-
 def tick(k):
     """State, observation and step of tick `k`; all numbers differ."""
     rng = np.random.default_rng(k)
@@ -106,7 +82,7 @@ def tick(k):
         penetrating=("torso", "right_femur") if flag() else (),
     )
     seen = Observation(t=k * PERIOD, q=rng.normal(size=5), dq=rng.normal(size=5), contact=(flag(), flag()))
-    step = Step(
+    step = ControlStep(
         stance=LEGS[k % 2],
         u_zd=rng.normal(size=4),
         u_mpc=rng.normal(size=4),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from fakes import Step, plant_state
+from fakes import control_step, plant_state
 
 from sim.bridge.run import build_plant, known_belief, run_scenario
 from sim.scenario.scenario import Scenario, load, with_values
@@ -35,7 +35,7 @@ def walk(*changes, end=END, landings=(0.5,)):
             more_state, more_step = change(t)
             state |= more_state
             step |= more_step
-        witness.tick(k, plant_state(**state), None, Step(**step), 0.0)
+        witness.tick(k, plant_state(**state), None, control_step(**step), 0.0)
     return witness
 
 

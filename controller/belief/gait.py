@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.belief import kernels
 from controller.belief.model import WalkerModel
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.records import ACTUATED, Vector, swap_legs
 
 _N_Q, _N_U = kernels.N_Q, kernels.N_U
@@ -120,15 +120,15 @@ def load_gait(path: Path, model: WalkerModel) -> Gait:
         model: The walker it is for; its impact map judges periodicity.
 
     Raises:
-        ControllerInputError: file missing, of wrong shape, not finite, for a walker of other links, or not periodic
+        UserError: file missing, of wrong shape, not finite, for a walker of other links, or not periodic
             within its tolerance.
     """
     if not path.is_file():
-        raise ControllerInputError(f"{path}: no such gait file")
+        raise UserError(f"{path}: no such gait file")
     try:
         data = tomllib.loads(path.read_text())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ControllerInputError(f"{path}: not a TOML file ({error})") from error
+        raise UserError(f"{path}: not a TOML file ({error})") from error
     return parse_gait(data, str(path), model)
 
 
@@ -136,7 +136,7 @@ def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
     """Build and check a gait from the content of a gait file; `where` names it in errors."""
     made_for = data.get("fingerprint", model.fingerprint)
     if made_for != model.fingerprint:
-        raise ControllerInputError(
+        raise UserError(
             f"{where}: made for the walker {data.get('walker', '?')!r} with fingerprint {made_for!r}, but {model.path} "
             f"has {model.fingerprint!r}; legal: a gait designed for this walker, see cmpc gait design"
         )
@@ -150,9 +150,9 @@ def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
         dq_minus=_array(data, "dq_minus", where, size=_N_Q),
     )
     if gait.clock[-1] == 0.0:
-        raise ControllerInputError(f"{where}: clock[4] = 0.0; legal: not 0, the clock must feel the torso angle")
+        raise UserError(f"{where}: clock[4] = 0.0; legal: not 0, the clock must feel the torso angle")
     if "degree" in data and data["degree"] != alpha.shape[1] - 1:
-        raise ControllerInputError(
+        raise UserError(
             f"{where}: degree = {data['degree']!r} but alpha has {alpha.shape[1]} columns; legal: degree + 1 columns"
         )
     _check_periodic(gait, data, where, model)
@@ -164,7 +164,7 @@ def _check_periodic(gait: Gait, data: dict[str, Any], where: str, model: WalkerM
     tolerance_q = _tolerance(data, "periodicity_tolerance_rad", 1e-3, where)
     tolerance_dq = _tolerance(data, "periodicity_tolerance_rad_s", 1e-2, where)
     if not gait.table.theta_span > 0.0:
-        raise ControllerInputError(
+        raise UserError(
             f"{where}: clock runs from {gait.theta_plus:.4f} to {gait.theta_minus:.4f} rad; legal: it grows in a step"
         )
     q_plus, dq_plus = gait.post_impact(model)
@@ -178,7 +178,7 @@ def _check_periodic(gait: Gait, data: dict[str, Any], where: str, model: WalkerM
     for what, (error, tolerance, unit) in errors.items():
         worst = float(np.abs(error).max())
         if not worst <= tolerance:
-            raise ControllerInputError(
+            raise UserError(
                 f"{where}: not periodic, {what} misses the gait by {worst:.3g} {unit}; legal: up to {tolerance} {unit}"
             )
 
@@ -186,7 +186,7 @@ def _check_periodic(gait: Gait, data: dict[str, Any], where: str, model: WalkerM
 def _tolerance(data: dict[str, Any], key: str, default: float, where: str) -> float:
     value = data.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
-        raise ControllerInputError(f"{where}: {key} = {value!r}; legal: a number above 0")
+        raise UserError(f"{where}: {key} = {value!r}; legal: a number above 0")
     return float(value)
 
 
@@ -194,14 +194,14 @@ def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = Non
     """A finite array of (size,) or (rows, at least 3) from a gait file."""
     legal = f"{size} numbers" if size else f"{rows} rows of equal length, at least 3 coefficients each"
     if key not in data:
-        raise ControllerInputError(f"{where}: {key} is missing; legal: {legal}")
+        raise UserError(f"{where}: {key} is missing; legal: {legal}")
     try:
         array = np.array(data[key], dtype=float)
     except (TypeError, ValueError) as error:
-        raise ControllerInputError(f"{where}: {key} is not an array of numbers; legal: {legal}") from error
+        raise UserError(f"{where}: {key} is not an array of numbers; legal: {legal}") from error
     fits = array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
     if not fits:
-        raise ControllerInputError(f"{where}: {key} has shape {array.shape}; legal: {legal}")
+        raise UserError(f"{where}: {key} has shape {array.shape}; legal: {legal}")
     if not np.isfinite(array).all():
-        raise ControllerInputError(f"{where}: {key} holds a value that is not finite; legal: {legal}")
+        raise UserError(f"{where}: {key} holds a value that is not finite; legal: {legal}")
     return array

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from controller.belief import kernels
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.records import Vector
 
 JOINT_NAMES = ("left_hip", "left_knee", "right_hip", "right_knee")
@@ -84,7 +84,7 @@ class WalkerModel:
             gravity: Gravitational acceleration in [m/s^2].
 
         Raises:
-            ControllerInputError: file missing, unreadable, of another topology, or with impossible numbers.
+            UserError: file missing, unreadable, of another topology, or with impossible numbers.
         """
         self.path = path
         self.pinocchio = load_pinocchio(path)
@@ -201,10 +201,10 @@ def load_pinocchio(path: Path) -> pin.Model:
     """The URDF as an unpinned planar tree: base (PX, PZ, hinge about -y), then the joints of both legs.
 
     Raises:
-        ControllerInputError: file missing or not a URDF Pinocchio can read.
+        UserError: file missing or not a URDF Pinocchio can read.
     """
     if not path.is_file():
-        raise ControllerInputError(f"{path}: no such walker file; expected the URDF of a five-link walker")
+        raise UserError(f"{path}: no such walker file; expected the URDF of a five-link walker")
     base = pin.JointModelComposite(3)
     base.addJoint(pin.JointModelPX())
     base.addJoint(pin.JointModelPZ())
@@ -213,42 +213,42 @@ def load_pinocchio(path: Path) -> pin.Model:
         return pin.buildModelFromUrdf(str(path), base)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "unreadable"
-        raise ControllerInputError(f"{path}: not a URDF Pinocchio can read ({reason})") from error
+        raise UserError(f"{path}: not a URDF Pinocchio can read ({reason})") from error
 
 
 def _links(model: pin.Model, path: Path) -> tuple[Link, Link, Link]:
     """Check the topology and read torso, femur and tibia."""
     joints = tuple(model.names[2:])
     if sorted(joints) != sorted(JOINT_NAMES) or model.nv != 7:
-        raise ControllerInputError(
+        raise UserError(
             f"{path}: joints {list(joints)} are not those of a five-link walker; legal: {list(JOINT_NAMES)}"
         )
     parents = {name: model.names[model.parents[model.getJointId(name)]] for name in JOINT_NAMES}
     base = model.names[1]
     for side in ("left", "right"):
         if parents[f"{side}_hip"] != base or parents[f"{side}_knee"] != f"{side}_hip":
-            raise ControllerInputError(f"{path}: {side} leg is not torso - {side}_hip - {side}_knee")
+            raise UserError(f"{path}: {side} leg is not torso - {side}_hip - {side}_knee")
     for name in JOINT_NAMES:
         joint = model.joints[model.getJointId(name)]
         data = joint.createData()
         joint.calc(data, np.zeros(joint.nq))
         S = np.array(data.S if not callable(data.S) else data.S())
         if joint.nv != 1 or not np.allclose(S.reshape(-1, 6)[0], np.r_[0, 0, 0, HINGE_AXIS]):
-            raise ControllerInputError(f"{path}: joint {name} must be a hinge about axis (0, -1, 0)")
+            raise UserError(f"{path}: joint {name} must be a hinge about axis (0, -1, 0)")
     torso = _link(model, 1, 0.0, path)
     legs = []
     for side in ("left", "right"):
         hip, knee = model.getJointId(f"{side}_hip"), model.getJointId(f"{side}_knee")
         if np.abs(model.jointPlacements[hip].translation).max() > _STRAIGHT:
-            raise ControllerInputError(f"{path}: {side}_hip must sit at the torso's origin")
+            raise UserError(f"{path}: {side}_hip must sit at the torso's origin")
         if not model.existFrame(f"{side}_foot"):
-            raise ControllerInputError(f"{path}: no frame {side}_foot; legal: a fixed joint at the tibia's end")
+            raise UserError(f"{path}: no frame {side}_foot; legal: a fixed joint at the tibia's end")
         foot = model.frames[model.getFrameId(f"{side}_foot")].placement.translation
         femur = _link(model, hip, _along(model.jointPlacements[knee].translation, path, f"{side}_knee"), path)
         tibia = _link(model, knee, _along(foot, path, f"{side}_foot"), path)
         legs.append((femur, tibia))
     if legs[0] != legs[1]:
-        raise ControllerInputError(f"{path}: left and right leg differ; legal: equal masses, lengths and inertias")
+        raise UserError(f"{path}: left and right leg differ; legal: equal masses, lengths and inertias")
     return torso, *legs[0]
 
 
@@ -256,19 +256,17 @@ def _link(model: pin.Model, joint: int, length: float, path: Path) -> Link:
     inertia = model.inertias[joint]
     name = model.names[joint]
     if not (np.isfinite(inertia.mass) and inertia.mass > 0.0):
-        raise ControllerInputError(f"{path}: mass of the link at {name} is {inertia.mass} kg; legal: above 0 kg")
+        raise UserError(f"{path}: mass of the link at {name} is {inertia.mass} kg; legal: above 0 kg")
     about_y = float(inertia.inertia[1, 1])
     if not (np.isfinite(about_y) and about_y > 0.0):
-        raise ControllerInputError(f"{path}: inertia of the link at {name} is {about_y} kg m^2; legal: above 0")
+        raise UserError(f"{path}: inertia of the link at {name} is {about_y} kg m^2; legal: above 0")
     com = _along(inertia.lever, path, f"the centre of mass at {name}")
     return Link(mass=float(inertia.mass), length=length, com=com, inertia=about_y)
 
 
 def _along(translation: Vector, path: Path, what: str) -> float:
     if not np.isfinite(translation).all() or np.abs(translation[:2]).max() > _STRAIGHT or translation[2] <= 0.0:
-        raise ControllerInputError(
-            f"{path}: {what} is at {translation.tolist()} m; legal: on the link's z axis, above 0 m"
-        )
+        raise UserError(f"{path}: {what} is at {translation.tolist()} m; legal: on the link's z axis, above 0 m")
     return float(translation[2])
 
 
@@ -278,9 +276,9 @@ def _per_joint(model: pin.Model, values: Vector, path: Path, what: str, unit: st
     found = np.array([values[model.joints[model.getJointId(name)].idx_v] for name in names])
     legal = (found >= 0.0).all() if zero else (found > 0.0).all()
     if not (np.isfinite(found).all() and legal):
-        raise ControllerInputError(
+        raise UserError(
             f"{path}: {what} {found.tolist()} {unit}; legal: finite and {'not below' if zero else 'above'} 0"
         )
     if found[0] != found[1] or found[2] != found[3]:
-        raise ControllerInputError(f"{path}: {what} {found.tolist()} {unit} differs between the legs")
+        raise UserError(f"{path}: {what} {found.tolist()} {unit} differs between the legs")
     return found

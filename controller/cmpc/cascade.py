@@ -11,7 +11,7 @@ from controller.belief.stance import StanceEstimator
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, predict
 from controller.compiled import compiled
 from controller.qp.problem import ROWS, Solver, StageQP, failed
-from controller.records import ControlStep, Observation, Vector
+from controller.records import ControlStep, Observation, Status, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,7 +105,7 @@ class CascadedMpc:
             problem = build_problem(horizon, self.weights, self.model.torque_limits, self.friction)  # Eqs. (14)-(22)
             solution = self.solver.solve(problem)
         else:
-            solution = failed(self.N, "prediction-diverged")
+            solution = failed(self.N, Status.PREDICTION_DIVERGED)
         u = horizon.u[0]
         limit = self.model.torque_limits
         if solution.found:

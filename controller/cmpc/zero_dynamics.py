@@ -8,7 +8,7 @@ from controller.belief import kernels
 from controller.belief.gait import Gait
 from controller.belief.model import WalkerModel
 from controller.belief.stance import StanceEstimator
-from controller.records import ControlStep, Observation, Vector
+from controller.records import ControlStep, Observation, Status, Vector
 
 NO_TORQUE = np.zeros(4)  # [N.m]
 NO_RESIDUALS = np.zeros(3)
@@ -86,7 +86,7 @@ class ZeroDynamicsController:
             s=self.gait.normalised(zd.theta),
             contact_force=zd.contact_force,
             impact_in=-1,
-            status="zd-pd",
+            status=Status.ZD_PD,
             fallback=False,
             iterations=0,
             residuals=NO_RESIDUALS,

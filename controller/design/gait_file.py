@@ -7,7 +7,7 @@ from pathlib import Path
 from controller.belief.gait import Gait
 from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.records import Vector
 
 
@@ -57,7 +57,7 @@ def write(path: Path, text: str) -> None:
     """Write a file whole or not at all.
 
     Raises:
-        ControllerInputError: it can not be written.
+        UserError: it can not be written.
     """
     try:
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
@@ -65,7 +65,7 @@ def write(path: Path, text: str) -> None:
         os.chmod(file.name, 0o644)
         os.replace(file.name, path)
     except OSError as error:
-        raise ControllerInputError(f"{path}: cannot be written: {error.strerror}") from error
+        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _numbers(values: Vector) -> str:

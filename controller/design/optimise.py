@@ -18,7 +18,7 @@ from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import NoPosture, Parametrisation, posture, with_rates
 from controller.design.problem import COST, MARGINS, NODES, ROOTS, SPEED, Cost, Problem, violation_of
 from controller.design.requirements import Margin, Requirements, margins
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.records import Vector
 
 COST_UNIT = {"torque": "N^2 m s", "work": "J/m"}
@@ -32,7 +32,7 @@ ITERATIONS = 60  # of a round
 SOFTEST = 0.05  # curvature given to directions that torque does not feel, as a share of the first cost
 
 
-class Infeasible(ControllerInputError):
+class Infeasible(UserError):
     """No gait keeps the requirements; the message says which were missed and by how much."""
 
 
@@ -90,7 +90,7 @@ def design(
 
     Raises:
         Infeasible: no start led to a gait that keeps them all.
-        ControllerInputError: a request that needs no search to be refused.
+        UserError: a request that needs no search to be refused.
     """
     _check(model, need, degree)
     say = say or (lambda line: None)
@@ -147,13 +147,13 @@ def _from_start(
 
 def _check(model: WalkerModel, need: Requirements, degree: int) -> None:
     if not 4 <= degree <= 10:
-        raise ControllerInputError(f"degree = {degree}; legal: 4 to 10")
+        raise UserError(f"degree = {degree}; legal: 4 to 10")
     for what, value, unit in (("step length", need.step_length, "m"), ("speed", need.speed, "m/s")):
         if not (np.isfinite(value) and value > 0.0):
-            raise ControllerInputError(f"{what} = {value} {unit}; legal: above 0 {unit}")
+            raise UserError(f"{what} = {value} {unit}; legal: above 0 {unit}")
     reach = 2.0 * model.leg_length
     if need.step_length >= reach:
-        raise ControllerInputError(
+        raise UserError(
             f"step length = {need.step_length:g} m; legal: below {reach:.3g} m, the span of both legs of {model.path}"
         )
 

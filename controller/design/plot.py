@@ -8,7 +8,7 @@ import numpy as np
 from controller.belief.gait import Gait
 from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.records import (
     NORMAL,
     ROLES,
@@ -37,7 +37,7 @@ def plot(path: Path, model: WalkerModel, gait: Gait, orbit: Orbit) -> None:
         orbit: Its periodic orbit.
 
     Raises:
-        ControllerInputError: matplotlib is missing, or the file can not be written.
+        UserError: matplotlib is missing, or the file can not be written.
     """
     figure, axes = panels(path)
     figure.suptitle(
@@ -69,12 +69,12 @@ def panels(path: Path) -> tuple[Any, Any]:
     """A figure of 2 x 3 panels, and its axes.
 
     Raises:
-        ControllerInputError: matplotlib is missing; the message names the file that was wanted.
+        UserError: matplotlib is missing; the message names the file that was wanted.
     """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ControllerInputError(
+        raise UserError(
             f"{path}: a plot needs matplotlib; install it with pip install 'cmpc-walker[design]'"
         ) from error
     figure = Figure(figsize=(13, 7.5), layout="constrained")
@@ -85,12 +85,12 @@ def save(path: Path, figure: Any) -> None:
     """Write a figure; the file's ending says the format.
 
     Raises:
-        ControllerInputError: it can not be written.
+        UserError: it can not be written.
     """
     try:
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:
-        raise ControllerInputError(f"{path}: cannot be written: {error}") from error
+        raise UserError(f"{path}: cannot be written: {error}") from error
 
 
 def _postures(axis: Any, model: WalkerModel, orbit: Orbit) -> None:

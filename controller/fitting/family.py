@@ -17,7 +17,7 @@ import numpy as np
 from controller.belief.gait import Gait
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import CLOCK, NoPosture, Parametrisation, elevate, with_rates
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.fitting.library import GaitLibrary
 from controller.records import Vector
 
@@ -55,11 +55,11 @@ class GaitFamily:
         """The family of a gait; takes about 0.2 s.
 
         Raises:
-            ControllerInputError: the gait's clock is not the library's, its speed or step length are outside of the
+            UserError: the gait's clock is not the library's, its speed or step length are outside of the
                 library, or the library's gaits can not be mixed with it.
         """
         if not np.array_equal(gait.clock, CLOCK):
-            raise ControllerInputError(
+            raise UserError(
                 f"gait {gait.name!r}: clock = {gait.clock.tolist()}; legal where gaits are fitted: {CLOCK.tolist()}"
             )
         model, degree = library.model, max(library.degree, gait.alpha.shape[1] - 1)
@@ -89,7 +89,7 @@ class GaitFamily:
         members, at = slower[:0:-1] + faster, len(slower) - 1
         speeds = np.array([orbit.speed - own.speed for _, orbit in members])
         if len(members) < 2:
-            raise ControllerInputError(
+            raise UserError(
                 f"gait {gait.name!r}: mixed with the gait library it gives no other gaits; legal where gaits are "
                 "fitted: a gait nearer to the library's"
             )

@@ -15,7 +15,7 @@ from controller.belief.gait import Gait, load_gait
 from controller.belief.model import WalkerModel
 from controller.design.orbit import periodic_orbit
 from controller.design.parameters import Parametrisation, with_rates
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.records import Vector
 
 FILE = re.compile(r"L(\d+\.\d+)-v(\d+\.\d+)\.toml")
@@ -51,7 +51,7 @@ class GaitLibrary:
         """Read all library gaits in a folder.
 
         Raises:
-            ControllerInputError: no library there, a hole in its grid, gaits of several degrees, an illegal file.
+            UserError: no library there, a hole in its grid, gaits of several degrees, an illegal file.
         """
         found = {
             (float(match[1]), float(match[2])): path
@@ -59,7 +59,7 @@ class GaitLibrary:
             if (match := FILE.fullmatch(path.name))
         }
         if not found:
-            raise ControllerInputError(f"{folder}: no library gaits L<m>-v<m/s>.toml; make them: cmpc gait library")
+            raise UserError(f"{folder}: no library gaits L<m>-v<m/s>.toml; make them: cmpc gait library")
         lengths, speeds = (sorted({key[i] for key in found}) for i in range(2))
         gaits = {key: load_gait(path, model) for key, path in found.items()}
         degree = next(iter(gaits.values())).alpha.shape[1] - 1
@@ -69,9 +69,9 @@ class GaitLibrary:
             for j, speed in enumerate(speeds):
                 gait = gaits.get((length, speed))
                 if gait is None:
-                    raise ControllerInputError(f"{folder}: the library has no {file_name(length, speed)}")
+                    raise UserError(f"{folder}: the library has no {file_name(length, speed)}")
                 if gait.alpha.shape[1] - 1 != degree:
-                    raise ControllerInputError(
+                    raise UserError(
                         f"{found[length, speed]}: degree {gait.alpha.shape[1] - 1}; legal: {degree}, as its neighbours"
                     )
                 vectors[i, j] = space.vector(gait)
@@ -85,7 +85,7 @@ class GaitLibrary:
             step_length: In [m], within the library's; the middle one if not given.
 
         Raises:
-            ControllerInputError: outside of the library.
+            UserError: outside of the library.
         """
         if step_length is None:
             step_length = float(self.lengths[len(self.lengths) // 2])
@@ -118,7 +118,7 @@ class GaitLibrary:
 def _between(what: str, unit: str, grid: Vector, value: float) -> tuple[int, float]:
     """Cell and weight of a value on an ascending grid."""
     if not grid[0] - NEARLY <= value <= grid[-1] + NEARLY:
-        raise ControllerInputError(
+        raise UserError(
             f"{what} = {value:g} {unit}; legal: {grid[0]:g} to {grid[-1]:g} {unit}, the range of the gait library"
         )
     if len(grid) == 1:

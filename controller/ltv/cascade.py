@@ -16,7 +16,7 @@ from controller.ltv.cost import Cost
 from controller.ltv.landing import Ground
 from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
 from controller.ltv.problem import residuals
-from controller.records import ControlStep, Observation, StanceState, Vector
+from controller.records import ControlStep, Observation, StanceState, Status, Vector
 
 BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
 BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
@@ -196,7 +196,7 @@ class LtvCascade:
             s=self.gait.normalised(float(z[8])),
             contact_force=force,
             impact_in=self._impact_in(),
-            status=self._status() if found else "prediction-diverged",
+            status=self._status() if found else Status.PREDICTION_DIVERGED,
             fallback=not found,
             iterations=int(abs(w.figures[3])),
             residuals=residuals(w.problem, w.state) if found else np.full(3, math.nan),
@@ -213,10 +213,10 @@ class LtvCascade:
         off = abs(float(clock @ state.dq) - rate)
         self.cost.error[:, :4] = self._grown * self.weights.output_at(off)
 
-    def _status(self) -> str:
+    def _status(self) -> Status:
         """Whether the quadratic model was solved and its whole step taken."""
         _, _, share, sweeps, _ = self.workspace.figures
-        return "optimal" if share == 1.0 and sweeps > 0 else "suboptimal"
+        return Status.OPTIMAL if share == 1.0 and sweeps > 0 else Status.SUBOPTIMAL
 
     def _plan(self) -> LtvPlan:
         ahead = self.workspace.other

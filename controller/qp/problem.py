@@ -19,7 +19,7 @@ import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 
-from controller.records import Vector
+from controller.records import Status, Vector
 
 ROWS = 3  # contact-force rows a stage: both sides of the friction cone, normal force
 _TORQUE_SCALE = 50.0  # [N.m] unit of u in the sparse form
@@ -86,7 +86,7 @@ class Solution:
 
     found: bool
     u: Vector
-    status: str
+    status: Status
     iterations: int
     residuals: Vector
     slack: float
@@ -184,10 +184,10 @@ class SparseSolver:
                 warnings.simplefilter("ignore")  # adapters warn of what the status says anyway
                 result = qpsolvers.solve_problem(qp, solver=self.name, **self._options)
         except qpsolvers.exceptions.QPError:
-            return failed(self._N, "solver-error", time.perf_counter() - start)
+            return failed(self._N, Status.SOLVER_ERROR, time.perf_counter() - start)
         elapsed = time.perf_counter() - start
         if not result.found or result.x is None or not np.isfinite(result.x).all():
-            return failed(self._N, "no-solution", elapsed)
+            return failed(self._N, Status.NO_SOLUTION, elapsed)
         # An interior-point answer may sit a rounding outside the box; the box is hard.
         u = result.x[: 4 * self._N].reshape(-1, 4) * _TORQUE_SCALE
         u = np.clip(u, problem.lower, problem.upper)
@@ -196,7 +196,7 @@ class SparseSolver:
         return Solution(
             found=True,
             u=u,
-            status="optimal",
+            status=Status.OPTIMAL,
             iterations=int(getattr(info, "iter", 0)),
             residuals=residuals,
             slack=float(problem.softening(u).max(initial=0.0)),
@@ -205,7 +205,7 @@ class SparseSolver:
         )
 
 
-def failed(N: int, status: str, solve_s: float = 0.0) -> Solution:
+def failed(N: int, status: Status, solve_s: float = 0.0) -> Solution:
     """A solution over N stages that must not be used."""
     return Solution(
         found=False,

@@ -17,6 +17,7 @@ from controller.qp.active_set import Guess
 from controller.qp.interior_point import Point
 from controller.qp.problem import Solution, Solver, StageQP, failed
 from controller.qp.riccati import Factors, Problem, new_factors, rates, smooth_gradient
+from controller.records import Status
 
 EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 8, 1, 4  # most sweeps: as a rule, after a hard tick, after interior point
 INTERIOR_ITERATIONS = 40
@@ -77,7 +78,7 @@ class RiccatiSolver:
         return Solution(
             found=True,
             u=state.u.copy(),
-            status="optimal",
+            status=Status.OPTIMAL,
             iterations=iterations,
             residuals=np.array([feasibility, stationarity, complementarity]),
             slack=slack,
@@ -91,8 +92,8 @@ class RiccatiSolver:
             solution = solver.solve(problem)
             if solution.found:
                 elapsed = time.perf_counter() - started
-                return dataclasses.replace(solution, status="second-solver", solve_s=elapsed)
-        return failed(self._N, "no-solution", time.perf_counter() - started)
+                return dataclasses.replace(solution, status=Status.SECOND_SOLVER, solve_s=elapsed)
+        return failed(self._N, Status.NO_SOLUTION, time.perf_counter() - started)
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 import qpsolvers
 
-from controller.errors import ControllerInputError
+from controller.errors import UserError
 from controller.qp.problem import Solver, SparseSolver
 from controller.qp.riccati_solver import RiccatiSolver
 
@@ -25,10 +25,10 @@ def make_solver(name: str, N: int, r: int) -> Solver:
         r: Contact-force rows a stage, `qp.ROWS` or 0.
 
     Raises:
-        ControllerInputError: unknown or not installed solver.
+        UserError: unknown or not installed solver.
     """
     if name not in available():
-        raise ControllerInputError(f"controller.solver = {name!r}; legal: one of {', '.join(available())}")
+        raise UserError(f"controller.solver = {name!r}; legal: one of {', '.join(available())}")
     if name == RICCATI:
         return RiccatiSolver(N, r, tuple(SparseSolver(other, N) for other in NEXT_IN_LINE))
     return SparseSolver(name, N)

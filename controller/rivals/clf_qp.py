@@ -33,7 +33,7 @@ import qpsolvers
 from scipy.linalg import solve_continuous_are
 
 from controller.cmpc.cascade import Friction
-from controller.records import Vector
+from controller.records import Status, Vector
 from controller.rivals import dense_qp
 from controller.rivals.law import Decision
 from controller.rivals.output_dynamics import OutputDynamics
@@ -94,7 +94,7 @@ class ClfQp:
         guaranteed = self.lyapunov.rate * self.lyapunov.value(eta)
         # With no limit active delta is not quite 0 either, as p is finite; that is no contradiction.
         if answer.active > 1 and delta > MISSED * guaranteed:
-            answer = dataclasses.replace(answer, status="relaxed")
+            answer = dataclasses.replace(answer, status=Status.RELAXED)
         return Decision(v=mu, answer=answer, slack=float(softening.max(initial=0.0)))
 
     def problem(self, dynamics: OutputDynamics) -> qpsolvers.Problem:

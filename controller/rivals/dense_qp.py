@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import qpsolvers
 
-from controller.records import Vector
+from controller.records import Status, Vector
 
 SOLVER = "daqp"
 FEASIBLE = 1e-3  # largest violation of a constraint, in its unit, by an answer that may be used
@@ -28,7 +28,7 @@ class Answer:
 
     found: bool
     x: Vector
-    status: str
+    status: Status
     residuals: Vector
     active: int
     solve_s: float
@@ -47,18 +47,18 @@ def solve(problem: qpsolvers.Problem) -> Answer:
     residuals = np.array([result.primal_residual(), result.dual_residual(), result.duality_gap()])
     # Where weights are too far apart an active-set method may take a point for feasible that is not.
     if x is None or not result.found or not residuals[0] <= FEASIBLE:
-        return no_answer(len(problem.q), "no-solution", elapsed)
+        return no_answer(len(problem.q), Status.NO_SOLUTION, elapsed)
     multipliers = [z for z in (result.z, result.z_box) if z is not None]
     return Answer(
         found=True,
         x=x,
-        status="optimal",
+        status=Status.OPTIMAL,
         residuals=residuals,
         active=sum(int(np.count_nonzero(np.abs(z) > ACTIVE)) for z in multipliers),
         solve_s=elapsed,
     )
 
 
-def no_answer(n: int, status: str, solve_s: float = 0.0) -> Answer:
+def no_answer(n: int, status: Status, solve_s: float = 0.0) -> Answer:
     """An answer in n variables that must not be used."""
     return Answer(found=False, x=np.zeros(n), status=status, residuals=np.full(3, np.inf), active=0, solve_s=solve_s)

@@ -13,7 +13,7 @@ from controller.belief.gait import Gait
 from controller.belief.kernels import Gains
 from controller.belief.model import WalkerModel
 from controller.belief.stance import StanceEstimator
-from controller.records import ControlStep, Observation, Plan, Vector
+from controller.records import ControlStep, Observation, Plan, Status, Vector
 from controller.rivals.dense_qp import Answer, no_answer
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics
 
@@ -35,7 +35,7 @@ class Decision:
     plan: Plan | None = None
 
 
-DIVERGED = Decision(v=np.zeros(4), answer=no_answer(0, "prediction-diverged"))
+DIVERGED = Decision(v=np.zeros(4), answer=no_answer(0, Status.PREDICTION_DIVERGED))
 """Where the state is so far out that the output dynamics overflow."""
 
 

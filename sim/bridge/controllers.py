@@ -14,7 +14,6 @@ from controller.cmpc.cascade import PENALTY, CascadedMpc, Friction, Weights
 from controller.cmpc.zero_dynamics import ZeroDynamicsController
 from controller.qp.problem import ROWS, Solver
 from controller.qp.solvers import make_solver
-from sim.bridge.errors import as_user_errors
 from sim.interface import Controller
 from sim.scenario.scenario import ControllerSettings, Scenario
 from sim.walkers.model_files import ModelFiles
@@ -50,9 +49,8 @@ def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
         UserError: a file is missing, unreadable or not legal.
     """
     files = files or ModelFiles.of(scenario)
-    with as_user_errors():
-        model = WalkerModel(files.urdf)
-        return Belief(model=model, gait=load_gait(files.gait, model), library=files.library)
+    model = WalkerModel(files.urdf)
+    return Belief(model=model, gait=load_gait(files.gait, model), library=files.library)
 
 
 @functools.lru_cache(maxsize=4)
@@ -85,8 +83,7 @@ def build_controller(settings: ControllerSettings, belief: Belief, *, solver: So
         hysteresis=fitting.hysteresis,
         most=fitting.most,
     )
-    with as_user_errors():
-        return GaitFitting(law, belief.model, _family(belief), rule)
+    return GaitFitting(law, belief.model, _family(belief), rule)
 
 
 @functools.lru_cache(maxsize=4)
@@ -105,17 +102,16 @@ def _law(settings: ControllerSettings, belief: Belief, solver: Solver | None) ->
         return _ltv_cascade(settings, belief, gains)
     if settings.kind in ("clf-qp", "output-mpc"):
         return _rival(settings, belief, gains)
-    with as_user_errors():
-        return CascadedMpc(
-            belief.model,
-            belief.gait,
-            gains,
-            N=settings.horizon,
-            T=settings.period,
-            weights=_weights(settings, gains),
-            friction=_friction(settings),
-            solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
-        )
+    return CascadedMpc(
+        belief.model,
+        belief.gait,
+        gains,
+        N=settings.horizon,
+        T=settings.period,
+        weights=_weights(settings, gains),
+        friction=_friction(settings),
+        solver=solver or make_solver(settings.solver, settings.horizon, ROWS if settings.friction_rows else 0),
+    )
 
 
 def _friction(settings: ControllerSettings, penalty: float = PENALTY) -> Friction | None:

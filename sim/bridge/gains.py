@@ -12,7 +12,6 @@ from controller.belief.kernels import Gains
 from controller.design import gains as gain_search
 from controller.design import gait_file
 from sim import search
-from sim.bridge.errors import as_user_errors
 from sim.bridge.gaits import belief
 from sim.walkers.folder import WalkerFolder
 
@@ -56,8 +55,7 @@ def search_gains(
     model = known_belief.model
 
     def score(gains: Sequence[float]) -> gain_search.Score:
-        with as_user_errors():
-            return gain_search.score(model, known_belief.gait, _gains(gains), period)
+        return gain_search.score(model, known_belief.gait, _gains(gains), period)
 
     found, count = search.recorded(
         lambda point: score(point).value,
@@ -82,8 +80,7 @@ def search_gains(
             "eigenvalues": list(its.eigenvalues),
             "torque_excess": its.torque_excess,
         }
-    with as_user_errors():
-        gait_file.write(out, _scenario(WalkerFolder.find(walker), known_belief.path, result, period))
+    gait_file.write(out, _scenario(WalkerFolder.find(walker), known_belief.path, result, period))
     return result
 
 

@@ -22,7 +22,6 @@ from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.fitting import library
 from controller.records import ROLES
-from sim.bridge.errors import as_user_errors
 from sim.errors import UserError
 from sim.walkers.folder import WalkerFolder
 
@@ -73,10 +72,9 @@ def belief(gait: str, walker: str | None) -> Belief:
         above = Path(gait).resolve().parent.parent
         walker = str(above) if gait.endswith(".toml") and (above / f"{above.name}.urdf").is_file() else "rabbit"
     folder = WalkerFolder.find(walker)
-    with as_user_errors():
-        model = WalkerModel(folder.urdf)
-        path = folder.gait(gait)
-        return Belief(model=model, gait=load_gait(path, model), path=path)
+    model = WalkerModel(folder.urdf)
+    path = folder.gait(gait)
+    return Belief(model=model, gait=load_gait(path, model), path=path)
 
 
 def beliefs(gaits: Sequence[str], walker: str | None) -> list[Belief]:
@@ -96,20 +94,17 @@ def compare_gaits(first: Belief, second: Belief) -> Comparison:
 
 def plot_gaits(path: Path, model: WalkerModel, found: Comparison) -> None:
     """Write a picture of two gaits."""
-    with as_user_errors():
-        plot_comparison(path, model, found)
+    plot_comparison(path, model, found)
 
 
 def check_gait(found: Belief, changes: Mapping[str, Any]) -> Report:
     """Check a gait against the default requirements, some of them changed."""
-    with as_user_errors():
-        return check(found.model, found.gait, requirements_of(found.model, found.gait, **changes))
+    return check(found.model, found.gait, requirements_of(found.model, found.gait, **changes))
 
 
 def plot_gait(path: Path, found: Belief) -> None:
     """Write a picture of a gait."""
-    with as_user_errors():
-        plot(path, found.model, found.gait, periodic_orbit(found.model, found.gait))
+    plot(path, found.model, found.gait, periodic_orbit(found.model, found.gait))
 
 
 def polish_gait(found: Belief, out: Path, *, force: bool) -> Belief:
@@ -118,9 +113,8 @@ def polish_gait(found: Belief, out: Path, *, force: bool) -> Belief:
     check_new_file(out, remark, force=force)
     gait = polish(found.model, found.gait)
     orbit = periodic_orbit(found.model, gait)
-    with as_user_errors():
-        gait_file.write(out, gait_file.to_toml(found.model, gait, orbit, (remark,)))
-        return Belief(model=found.model, gait=load_gait(out, found.model), path=out)
+    gait_file.write(out, gait_file.to_toml(found.model, gait, orbit, (remark,)))
+    return Belief(model=found.model, gait=load_gait(out, found.model), path=out)
 
 
 def design_gait(
@@ -154,25 +148,24 @@ def design_gait(
         UserError: infeasible, or a file is not legal.
     """
     folder = WalkerFolder.find(walker)
-    with as_user_errors():
-        model = WalkerModel(folder.urdf)
-        need = Requirements(**request)
-        start = load_gait(folder.gait(warm), model) if warm else None
-        out = out or folder.gaits / library.file_name(need.step_length, need.speed)
-        remark = _remark(folder, need, degree, cost, starts)
-        check_new_file(out, None if warm else remark, force=force)
-        found = design(
-            model,
-            need,
-            degree=degree,
-            cost=cost,  # type: ignore[arg-type]
-            warm=start,
-            starts=starts,
-            say=say,
-            name=name or out.stem,
-        )
-        gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (remark,)))
-        return Belief(model=model, gait=load_gait(out, model), path=out), found
+    model = WalkerModel(folder.urdf)
+    need = Requirements(**request)
+    start = load_gait(folder.gait(warm), model) if warm else None
+    out = out or folder.gaits / library.file_name(need.step_length, need.speed)
+    remark = _remark(folder, need, degree, cost, starts)
+    check_new_file(out, None if warm else remark, force=force)
+    found = design(
+        model,
+        need,
+        degree=degree,
+        cost=cost,  # type: ignore[arg-type]
+        warm=start,
+        starts=starts,
+        say=say,
+        name=name or out.stem,
+    )
+    gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (remark,)))
+    return Belief(model=model, gait=load_gait(out, model), path=out), found
 
 
 def library_gaits(

@@ -10,8 +10,6 @@ import pinocchio as pin
 from controller.belief.gait import load_gait
 from controller.belief.model import Link, WalkerModel
 from controller.design.check import check, requirements_of
-from controller.errors import ControllerInputError
-from sim.bridge.errors import as_user_errors
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
 from sim.loop.outcome import Outcome
@@ -49,8 +47,7 @@ def new_walker(folder: Path, urdf: Path) -> WalkerModel:
     Raises:
         UserError: the URDF is of another topology or implausible, or the folder can not be made.
     """
-    with as_user_errors():
-        model = WalkerModel(urdf)
+    model = WalkerModel(urdf)
     for stage in _plausible(model):
         if not stage.holds:
             raise UserError(f"{urdf}: {stage.name}: {stage.found}")
@@ -85,8 +82,7 @@ def check_walker(walker: str, *, steps: int = STEPS, say: Callable[[Stage], None
 
 
 def _stages(folder: WalkerFolder, steps: int) -> Iterator[Stage]:
-    with as_user_errors():
-        model = WalkerModel(folder.urdf)
+    model = WalkerModel(folder.urdf)
     yield Stage(name="topology", found="five links, four hinges about (0, -1, 0), equal legs, point feet", holds=True)
     yield from _plausible(model)
     yield from _agreement(folder, model)
@@ -171,7 +167,7 @@ def _agreement(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
 def _gait(folder: WalkerFolder, model: WalkerModel, path: Path, steps: int) -> Iterator[Stage]:
     try:
         gait = load_gait(path, model)
-    except ControllerInputError as error:
+    except UserError as error:
         yield Stage(name=f"gait {path.stem}", found=str(error), holds=False)
         return
     report = check(model, gait, requirements_of(model, gait))

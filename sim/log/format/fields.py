@@ -8,7 +8,7 @@ bytes of a message have a fixed layout.
 from dataclasses import dataclass
 from enum import Enum
 
-from sim.interface import COORDINATES, FEET, JOINTS
+from sim.interface import COORDINATES, FEET, JOINTS, Status
 
 PACKAGE = "cmpc"
 """Protobuf package of every message below."""
@@ -22,10 +22,7 @@ LINKS = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
 LEGS = ("left", "right")
 """Code of a leg -> name; also the order of the feet (`FEET`)."""
 
-STATUSES = (
-    "other", "zd-pd", "optimal", "no-solution", "solver-error", "second-solver", "prediction-diverged", "suboptimal",
-    "relaxed",
-)  # fmt: skip
+STATUSES = tuple(status.value for status in Status)
 """Code of a status -> `ControlStep.status`. A status not listed here is logged as "other", its text as an
 event. Codes are part of the file format: append, never reorder."""
 

@@ -16,7 +16,7 @@ from mcap.records import Message
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.interface import ControlStep, Observation, Plan, PlantState
+from sim.interface import ControlStep, Observation, PlantState
 from sim.log.format.fields import CHANNELS, LEGS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
 from sim.log.format.schema import SCHEMA, channel_metadata, closure, full_name
 from sim.log.write.arrows import GroundAngle, arrows_of, force_update
@@ -186,7 +186,7 @@ class Recorder:
         if arrows:
             lifetime_ns = round(1.5 * self._frame_every * self._period_ns)
             self._add_extra(k, self._forces, force_update(time_ns, arrows, lifetime_ns))
-        plan: Plan | None = getattr(step, "plan", None)  # a controller need not have one
+        plan = step.plan
         if plan is not None:
             period = self._period_ns * 1e-9
             self._add_extra(k, self._prediction, horizon_message(plan, period, step.impact_in))
