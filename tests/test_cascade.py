@@ -14,7 +14,7 @@ from controller.qp.problem import ROWS, failed
 from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
 from sim.interface import Observation
-from sim.scenario.scenario import ControllerSettings
+from sim.scenario.controller import ControllerSettings
 
 T = 1e-3  # [s]
 MU, NORMAL_MIN = 0.6, 20.0

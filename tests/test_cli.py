@@ -14,7 +14,8 @@ import pytest
 
 from sim import cli
 from sim.loop.outcome import RunSummary
-from sim.scenario.scenario import Push, settings_table, shipped
+from sim.scenario.files import shipped
+from sim.scenario.scenario import Push, settings_table
 
 JOINTS = ("left_hip", "right_hip", "left_knee", "right_knee")
 SUMMARY = RunSummary(

@@ -20,7 +20,7 @@ KILLS = 20
 CHILD = """
 import os, struct, sys, time
 from pathlib import Path
-from sim.compose import run_scenario
+from sim.bridge.run import run_scenario
 from sim.scenario import load, with_values
 
 scenario = with_values(load("undisturbed"), {"steps": 100})

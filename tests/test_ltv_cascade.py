@@ -6,7 +6,7 @@ import pytest
 from controller.ltv.orbit import find_orbit, nominal_rate
 from sim.bridge import run as compose
 from sim.interface import Observation
-from sim.loop.loop import NoTape
+from sim.loop.tape import NoTape
 from sim.scenario.scenario import Push, Scenario, with_values
 
 LTV = {"controller.kind": "c-mpc-ltv"}
@@ -94,7 +94,7 @@ def test_a_reset_forgets_everything(belief):
 
     first = ticks()
     controller.step(seen(belief.gait.q_minus, belief.gait.dq_minus, landed=True))
-    assert controller.belief.stance.leg.value == "right"
+    assert controller.stance.leg.value == "right"
     assert all((a == b).all() for a, b in zip(first, ticks(), strict=True))
     assert not (first[0] == first[1]).all()  # the plan of the last tick is the start of the next
 

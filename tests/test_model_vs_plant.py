@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from controller.belief.model import WalkerModel
 from sim.plant.mujoco_plant import MujocoPlant
 from sim.plant.rigid_plant import RigidPlant
-from sim.scenario.scenario import PlantSettings
+from sim.scenario.plant import PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit"
 TOLERANCE = 1e-9  # relative to the largest entry of each quantity

@@ -12,7 +12,8 @@ import pytest
 
 from sim.bridge.run import run_scenario
 from sim.log.read.reader import read_log
-from sim.scenario.scenario import load, with_values
+from sim.scenario.files import load
+from sim.scenario.scenario import with_values
 
 NODE = Path(__file__).resolve().parent / "node"
 pytestmark = [

@@ -12,7 +12,7 @@ from controller.errors import UserError
 from controller.qp.problem import StageQP, failed
 from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
-from sim.scenario.scenario import ControllerSettings
+from sim.scenario.controller import ControllerSettings
 
 N, T = 20, 1e-3
 DEFAULT = ControllerSettings().solver

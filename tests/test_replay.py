@@ -8,7 +8,8 @@ import pytest
 from sim.bridge.run import run_scenario
 from sim.cli import main
 from sim.log.read.reader import read_log
-from sim.scenario.scenario import load, with_values
+from sim.scenario.files import load
+from sim.scenario.scenario import with_values
 from tests.test_logs import exchanged
 
 BASE = {"time_limit": 0.6, "controller.horizon": 30}

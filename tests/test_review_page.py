@@ -14,7 +14,7 @@ from sim.review.layouts import TABS, foxglove, plotjuggler, series_name
 from sim.review.page import page
 from sim.review.panels import PANELS
 from sim.review.signals import Signals, decimated, signals_of
-from sim.scenario.scenario import load as load_scenario
+from sim.scenario.files import load as load_scenario
 from sim.scenario.scenario import with_values
 from tests.browser import Browser
 from tests.test_logs import hostile

@@ -10,7 +10,7 @@ from controller.records import Leg
 from controller.rivals import dense_qp
 from sim.bridge import run as compose
 from sim.interface import Observation
-from sim.loop.loop import NoTape
+from sim.loop.tape import NoTape
 from sim.scenario.scenario import Scenario, with_values
 from sim.trials import TrialSpec, run_trial
 from sim.trials.plan.plan import from_toml

@@ -61,7 +61,7 @@ def walk(model, walker, gait, gains):
         if ahead > 0 and height <= 0 and rate < 0:
             q, dq = model.impact(q, dq)
             left = not left
-            controller.belief.stance.reset(
+            controller.stance.reset(
                 "left" if left else "right"
             )  # the solver is to remember, so not controller.reset
     assert not left

@@ -16,8 +16,9 @@ import numpy as np
 from sim.bridge.run import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
 from sim.interface import ControlStep, Observation, PlantState
 from sim.log.format.fields import STATUSES
-from sim.loop.loop import NoTape
-from sim.scenario.scenario import Scenario, load, with_values
+from sim.loop.tape import NoTape
+from sim.scenario.files import load
+from sim.scenario.scenario import Scenario, with_values
 
 RUNS = ("undisturbed", "push-25N", "friction-50N", "payload-x2")
 """The four runs that ticks are measured over."""
@@ -221,7 +222,7 @@ def real_time(steps: int) -> list[Figure]:
 
 
 _FIRST_TICK = """
-from sim.compose import run_scenario
+from sim.bridge.run import run_scenario
 from sim.scenario import load
 run_scenario(load("undisturbed"), stop=lambda: "first tick")
 """
@@ -247,7 +248,7 @@ def start_up(steps: int) -> list[Figure]:
 _LONG_RUN = """
 import sys, json
 from pathlib import Path
-from sim.compose import run_scenario
+from sim.bridge.run import run_scenario
 from sim.scenario import load, with_values
 kind, seconds, folder = sys.argv[1], float(sys.argv[2]), sys.argv[3]
 scenario = with_values(load("undisturbed"), {"steps": 10**6, "time_limit": seconds, "controller.kind": kind})

@@ -15,7 +15,8 @@ from controller.cmpc.zero_dynamics import ZeroDynamicsController
 from controller.qp.problem import ROWS, Solver
 from controller.qp.solvers import make_solver
 from sim.interface import Controller
-from sim.scenario.scenario import ControllerSettings, Scenario
+from sim.scenario.controller import ControllerSettings
+from sim.scenario.scenario import Scenario
 from sim.walkers.model_files import ModelFiles
 
 if TYPE_CHECKING:

@@ -18,15 +18,9 @@ from sim.interface import Controller, Observation, Plant, Vector
 from sim.log import provenance
 from sim.log.write import Recorder, RunHeader
 from sim.loop.judge import FallCriteria
-from sim.loop.loop import (
-    Loop,
-    NoTape,
-    Progress,
-    Stop,
-    Tape,
-    Tapes,
-)
+from sim.loop.loop import Loop
 from sim.loop.outcome import RunSummary
+from sim.loop.tape import NoTape, Progress, Stop, Tape, Tapes
 from sim.plant.actuation import Actuation
 from sim.plant.instruments import InstrumentedPlant
 from sim.plant.kinematics import LEGS
@@ -34,7 +28,9 @@ from sim.plant.mujoco_plant import MujocoPlant
 from sim.plant.rigid_plant import RigidPlant
 from sim.plant.sensors import Sensors
 from sim.plant.terrain import Terrain
-from sim.scenario.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
+from sim.scenario.files import to_toml
+from sim.scenario.scenario import Scenario
+from sim.scenario.signals import ActuationSettings, SensorSettings
 from sim.stability.rig import Rig
 from sim.stability.sections import Surface
 from sim.terminal.viewer import check_display, viewer

@@ -37,9 +37,9 @@ def main(argv: Sequence[str]) -> int:
     if found.help or found.run is None:
         _parser(Scenario(), argv).print_help()
         return 0
+    from sim.log.read.attachments import scenario_of
     from sim.log.read.reader import read_log
     from sim.review.replay import version_changes
-    from sim.walkers.model_files import scenario_of
 
     log = read_log(Path(found.run))
     before = scenario_of(log)

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.loop.outcome import Outcome, RunSummary
-from sim.scenario.scenario import DEFAULT, Scenario, load, shipped
+from sim.scenario.files import DEFAULT, load, shipped
+from sim.scenario.scenario import Scenario
 from sim.settings import flags
 
 LOGS = Path("logs")  # under the current directory

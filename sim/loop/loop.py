@@ -1,62 +1,18 @@
 """The loop between the worlds: look, decide, hold; 1000 times a second."""
 
 import time
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Sequence
 
 from sim.errors import PlantDiverged
-from sim.interface import Controller, ControlStep, Observation, Plant, PlantState, Vector
+from sim.interface import Controller, ControlStep, Plant, Vector
 from sim.loop.judge import FallCriteria, Judge, TouchDown
 from sim.loop.metrics import Metrics
 from sim.loop.outcome import FallReason, Outcome, RunSummary
 from sim.loop.pushes import PERIOD, CentresOfMass, active_forces
+from sim.loop.tape import Progress, Stop, Tape
 from sim.scenario.scenario import Push
 
 PROGRESS_TICKS = 50
-
-Progress = Callable[[int, float], None]
-"""Called now and then with completed steps and simulated time in [s]."""
-
-Stop = Callable[[], str | None]
-"""Asked every tick; a reason ends the run as interrupted."""
-
-
-class Tape(Protocol):
-    """Where ticks and events go; the recorder is one, `NoTape` another."""
-
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """One tick."""
-
-    def event(self, k: int, level: str, name: str, message: str) -> None:
-        """Something that happened at a tick."""
-
-
-class NoTape:
-    """Forgets everything."""
-
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Forget a tick."""
-
-    def event(self, k: int, level: str, name: str, message: str) -> None:
-        """Forget an event."""
-
-
-class Tapes:
-    """Several tapes as one."""
-
-    def __init__(self, *tapes: Tape) -> None:
-        """Args: tapes: told everything, in this order."""
-        self._tapes = tapes
-
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Hand a tick on."""
-        for tape in self._tapes:
-            tape.tick(k, state, observation, step, tick_s)
-
-    def event(self, k: int, level: str, name: str, message: str) -> None:
-        """Hand an event on."""
-        for tape in self._tapes:
-            tape.event(k, level, name, message)
 
 
 class Loop:

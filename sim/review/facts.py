@@ -6,7 +6,8 @@ from typing import Any
 
 from sim.log.read.frames import Run, parsed
 from sim.log.tools.text import printable
-from sim.scenario.scenario import Scenario, from_toml
+from sim.scenario.files import from_toml
+from sim.scenario.scenario import Scenario
 
 MOST_EVENTS = 500
 MOST_POINTS = 20_000  # of the ground

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import UserError
+from sim.log.read.attachments import scenario_of, unpacked
 from sim.log.read.frames import run_of
 from sim.log.read.reader import Log
 from sim.review.signals import Signals, signals_of
-from sim.walkers.model_files import scenario_of, unpacked
 
 KINDS = (".mp4", ".gif", ".png")
 EXTENT = 2.0  # [m] of what is looked at

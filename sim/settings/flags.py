@@ -10,13 +10,14 @@ import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import MISSING
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario
 from sim.settings import tree as settings
 from sim.settings.spec import Spec, from_text, specs
 from sim.settings.tree import Setting
+
+T = TypeVar("T")
 
 PREFIX = "setting:"  # marks settings among the attributes of a parsed command line
 
@@ -55,16 +56,16 @@ def _hyphenated(word: str) -> str:
     return name.replace("_", "-") + equals + value if word.startswith("--") else word
 
 
-def add_settings(parser: argparse.ArgumentParser, scenario: Scenario, argv: Sequence[str] = ()) -> None:
+def add_settings(parser: argparse.ArgumentParser, tree: Any, argv: Sequence[str] = ()) -> None:
     """Give a parser one flag for each setting.
 
     Args:
         parser: Where the flags go, in one group a table.
-        scenario: Its values are the defaults the help shows.
+        tree: A tree of settings; its values are the defaults the help shows.
         argv: The command line to come, which tells how many pushes it numbers.
     """
-    order = list(specs(Scenario))
-    rows = [*settings.table(scenario), *_further_tables(scenario, argv)]
+    order = list(specs(type(tree)))
+    rows = [*settings.table(tree), *_further_tables(tree, argv)]
     rows.sort(key=lambda row: ("." in row.path, order.index(row.path.split(".")[0]), row.path.rpartition(".")[0]))
     for table, members in itertools.groupby(rows, key=lambda row: row.path.rpartition(".")[0]):
         group = parser.add_argument_group(table.replace("_", "-") or "scenario")
@@ -72,9 +73,9 @@ def add_settings(parser: argparse.ArgumentParser, scenario: Scenario, argv: Sequ
             _add_flag(group, setting)
 
 
-def _further_tables(scenario: Scenario, argv: Sequence[str]) -> Iterator[Setting]:
+def _further_tables(tree: Any, argv: Sequence[str]) -> Iterator[Setting]:
     """Settings of tables an array does not have yet: one past the last, or as many as `argv` numbers."""
-    for path, spec, there in _arrays(scenario, ""):
+    for path, spec, there in _arrays(tree, ""):
         pattern = re.compile(rf"--{re.escape(path)}\.(\d{{1,3}})\.")
         matches = (pattern.match(word.replace("_", "-")) for word in argv)
         last = max((int(match[1]) for match in matches if match), default=0)
@@ -118,30 +119,30 @@ def _shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if value is None else str(value)
 
 
-def changes(scenario: Scenario, found: argparse.Namespace) -> dict[str, Any]:
+def changes(tree: Any, found: argparse.Namespace) -> dict[str, Any]:
     """Every setting that the command line gave, by dotted path.
 
     Raises:
         UserError: names the flag, the value, the unit and what is legal.
     """
     given = {key.removeprefix(PREFIX): value for key, value in vars(found).items() if key.startswith(PREFIX)}
-    rows = {row.path: row.spec for row in settings.table(scenario)}
-    rows |= {row.path: row.spec for row in _further_tables(scenario, [f"--{path}" for path in given])}
+    rows = {row.path: row.spec for row in settings.table(tree)}
+    rows |= {row.path: row.spec for row in _further_tables(tree, [f"--{path}" for path in given])}
     read = {path: value for path, value in given.items() if value is not None}
     try:
         for path, value in read.items():
             if isinstance(value, list):
                 read[path] = from_text(value, rows[path], path)
-        settings.with_values(scenario, read)
+        settings.with_values(tree, read)
     except UserError as error:
         raise UserError(f"--{error}") from error
     return read
 
 
-def apply(scenario: Scenario, found: argparse.Namespace) -> Scenario:
-    """The scenario with every setting changed that the command line gave.
+def apply(tree: T, found: argparse.Namespace) -> T:
+    """The tree with every setting changed that the command line gave.
 
     Raises:
         UserError: names the flag, the value, the unit and what is legal.
     """
-    return settings.with_values(scenario, changes(scenario, found))
+    return settings.with_values(tree, changes(tree, found))

@@ -7,8 +7,9 @@ import numpy as np
 
 from sim.interface import Controller, Plant, Vector
 from sim.loop.judge import FallCriteria
-from sim.loop.loop import Loop, Stop, Tape
+from sim.loop.loop import Loop
 from sim.loop.outcome import Outcome, RunSummary
+from sim.loop.tape import Stop, Tape
 from sim.plant.kinematics import LEGS
 from sim.scenario.scenario import Push, Scenario
 from sim.stability.sections import SectionTape, Surface

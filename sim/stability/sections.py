@@ -77,7 +77,7 @@ class Surface:
 
 
 class SectionTape:
-    """A tape that keeps the section state of every impact (`sim.loop.loop.Tape`).
+    """A tape that keeps the section state of every impact (`sim.loop.tape.Tape`).
 
     A plant that locates its impacts itself (the rigid one, by its attribute `impact`) is asked; for any other
     one the state is extrapolated from the last two ticks before contact.

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 
 from sim.errors import UserError
-from sim.loop.loop import Stop
+from sim.loop.tape import Stop
 from sim.plant.mujoco_plant import MujocoPlant
 from sim.plant.rigid_plant import RigidPlant
 

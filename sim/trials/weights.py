@@ -15,7 +15,8 @@ from typing import Any
 
 from sim import search
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario, load, with_values
+from sim.scenario.files import load
+from sim.scenario.scenario import Scenario, with_values
 from sim.settings import tree as settings
 from sim.trials.plan.plan import Plan
 from sim.trials.report.stats import mcnemar

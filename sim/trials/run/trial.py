@@ -17,8 +17,8 @@ import numpy as np
 
 from sim.errors import UserError
 from sim.interface import JOINTS
-from sim.loop.loop import Tape
 from sim.loop.outcome import Outcome, RunSummary
+from sim.loop.tape import Tape
 from sim.scenario.scenario import Scenario
 from sim.trials.falls.witness import Witness
 from sim.trials.plan.axis import Value, changes, label, scenario_at

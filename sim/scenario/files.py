@@ -1,0 +1,69 @@
+"""Scenarios as TOML files: shipped ones by name, others by path."""
+
+import difflib
+import os
+import tomllib
+from pathlib import Path
+
+from sim.errors import UserError
+from sim.scenario.scenario import Scenario
+from sim.settings import tree as settings
+
+SHIPPED = Path(__file__).parent / "shipped"
+DEFAULT = "push-25N"
+
+
+def to_toml(scenario: Scenario) -> str:
+    """The whole scenario as TOML text; `from_toml` reads back an equal one."""
+    return settings.to_toml(scenario)
+
+
+def from_toml(source: str | Path) -> Scenario:
+    """A scenario from TOML.
+
+    Args:
+        source: A `Path` is read as a file, whose name is the scenario's unless it says otherwise; a `str`
+            is the TOML text itself.
+
+    Raises:
+        UserError: unreadable file, invalid TOML, unknown key, wrong type or illegal value, on one line.
+    """
+    where = str(source) if isinstance(source, Path) else "scenario"
+    try:
+        text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
+        tree = tomllib.loads(text)
+        if isinstance(source, Path):
+            tree.setdefault("name", source.stem)
+        return settings.build(Scenario, tree)
+    except OSError as error:
+        raise UserError(f"{where}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{where}: is not UTF-8 text (byte {error.start})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{where}: is not valid TOML: {error}") from error
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    except ValueError as error:  # an integer of thousands of digits
+        raise UserError(f"{where}: is not valid TOML: {error}") from error
+
+
+def shipped() -> dict[str, str]:
+    """Names of the scenarios that come with the program, each with its description."""
+    return {path.stem: from_toml(path).description for path in sorted(SHIPPED.glob("*.toml"))}
+
+
+def load(name: str) -> Scenario:
+    """A shipped scenario by name, or any other by the path of its .toml file.
+
+    Raises:
+        UserError: no such name (the message has the nearest and the list), or an illegal file.
+    """
+    if name.endswith(".toml") or os.sep in name:
+        return from_toml(Path(name))
+    path = SHIPPED / f"{name}.toml"
+    if not path.is_file():
+        names = sorted(path.stem for path in SHIPPED.glob("*.toml"))
+        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+        guess = f"; did you mean {near[0]}?" if near else ";"
+        raise UserError(f"no scenario {name!r}{guess} Shipped: {', '.join(names)}; or give a .toml file")
+    return from_toml(path)
