@@ -9,9 +9,8 @@ import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
 
-from controller.belief.gait import Gait, load_gait
+from controller.belief import Gait, WalkerModel, load_gait
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
 
 ROOT = Path(__file__).resolve().parents[1]
 RABBIT = ROOT / "models" / "rabbit"

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from controller.qp.problem import StageQP
+from controller.qp import StageQP
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from conftest import RABBIT
 
-from controller.belief.model import WalkerModel
+from controller.belief import WalkerModel
 from controller.design.optimise import design
 from controller.design.requirements import Requirements
 from controller.errors import UserError

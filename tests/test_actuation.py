@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sim.plant.actuation import Actuation
+from sim.scenario import ActuationSettings
 from sim.scenario.per_link import JointFactors
-from sim.scenario.signals import ActuationSettings
 
 PERIOD = 1e-3  # [s]
 COMMANDS = [np.array([k, -k, 2.0 * k, 1.0]) for k in range(12)]

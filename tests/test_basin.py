@@ -9,8 +9,7 @@ import pytest
 from sim import cli
 from sim.errors import UserError
 from sim.reproduce import basin
-from sim.scenario.files import to_toml
-from sim.scenario.scenario import Scenario, with_values
+from sim.scenario import Scenario, to_toml, with_values
 
 RIGID = to_toml(with_values(Scenario(), {"plant.kind": "rigid", "plant.timestep": 1e-3, "controller.kind": "zd-pd"}))
 

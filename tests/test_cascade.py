@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controller.cmpc.cascade import CascadedMpc, Friction, Weights, build_problem
-from controller.cmpc.prediction import predict
+from controller.cmpc import CascadedMpc, predict
+from controller.cmpc.cascade import Friction, Weights, build_problem
+from controller.qp import make_solver
 from controller.qp.problem import ROWS, failed
-from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
 from sim.interface import Observation
-from sim.scenario.controller import ControllerSettings
+from sim.scenario import ControllerSettings
 
 T = 1e-3  # [s]
 MU, NORMAL_MIN = 0.6, 20.0

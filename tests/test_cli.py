@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 
 from sim import cli
-from sim.loop.outcome import RunSummary
-from sim.scenario.files import shipped
-from sim.scenario.scenario import Push, settings_table
+from sim.loop import RunSummary
+from sim.scenario import Push, settings_table, shipped
 
 JOINTS = ("left_hip", "right_hip", "left_knee", "right_knee")
 SUMMARY = RunSummary(

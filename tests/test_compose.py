@@ -10,16 +10,13 @@ import pytest
 from conftest import RABBIT
 from fakes import control_step
 
-from controller.belief.gait import load_gait
-from controller.belief.model import WalkerModel
+from controller.belief import WalkerModel, load_gait
 from sim.bridge import controllers as compose_controllers
 from sim.bridge import run as compose
 from sim.interface import COORDINATES
-from sim.log.read.reader import read_log
-from sim.loop.loop import Loop
-from sim.loop.tape import NoTape
-from sim.scenario.files import from_toml
-from sim.scenario.scenario import Push, Scenario, with_value, with_values
+from sim.log.read import read_log
+from sim.loop import Loop, NoTape
+from sim.scenario import Push, Scenario, from_toml, with_value, with_values
 
 KINDS = ("c-mpc", "zd-pd")
 PUSHED = Scenario(name="short", steps=2, seed=5, pushes=(Push(force=25.0, step=2),))

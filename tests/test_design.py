@@ -7,9 +7,8 @@ import pytest
 from conftest import RABBIT
 from random_walkers import random_model
 
-from controller.belief.gait import load_gait
+from controller.belief import WalkerModel, load_gait
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
 from controller.design import gait_file, orbit_kernels
 from controller.design.check import check, invariance_error, requirements_of
 from controller.design.compare import compare

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sim.loop.pushes import active_forces
-from sim.scenario.scenario import Push
+from sim.scenario import Push
 
 COM = {"torso": (0.0, 0.24), "left_tibia": (0.0, 0.2)}
 

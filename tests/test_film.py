@@ -10,8 +10,7 @@ import pytest
 
 from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.scenario.files import load
-from sim.scenario.scenario import with_values
+from sim.scenario import load, with_values
 
 ROOT = Path(__file__).resolve().parent.parent
 SIZE = ("--size", "320", "180")

@@ -14,9 +14,9 @@ from controller.fitting.family import GaitFamily
 from controller.fitting.library import GaitLibrary
 from controller.records import Leg, StanceState
 from sim.bridge import run as compose
-from sim.log.read.reader import read_log
-from sim.loop.tape import NoTape
-from sim.scenario.scenario import Push, Scenario, with_values
+from sim.log.read import read_log
+from sim.loop import NoTape
+from sim.scenario import Push, Scenario, with_values
 
 RULE = FittingRule(share=-1.0, slower=0.25, faster=0.1, hysteresis=0.02, most=0.3)
 FITTING = {"controller.gait_fitting.enabled": True}

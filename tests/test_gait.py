@@ -7,8 +7,8 @@ import oracle
 import pytest
 from conftest import RABBIT
 
-from controller.belief import kernels
-from controller.belief.gait import load_gait, power_basis
+from controller.belief import kernels, load_gait
+from controller.belief.gait import power_basis
 from controller.errors import UserError
 
 PAPER = (RABBIT / "gaits" / "paper.toml").read_text()

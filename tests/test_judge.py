@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from fakes import plant_state
 
-from sim.loop.judge import SETTLING, FallCriteria, Judge
-from sim.loop.outcome import FallReason
+from sim.loop import FallCriteria, FallReason, Judge
+from sim.loop.judge import SETTLING
 
 AHEAD = np.array([[0.0, 0.0], [0.4, 0.0]])  # [m] the right foot before the left
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from sim.bridge.run import run_scenario
-from sim.log.read.reader import read_log
+from sim.log.read import read_log
 from sim.log.write import Recorder
 from sim.log.write.arrows import CONTACT_SCALE, PUSH_SCALE
-from sim.scenario.files import load
-from sim.scenario.scenario import with_values
+from sim.scenario import load, with_values
 from tests.test_recorder import HEADER, PERIOD, tick
 
 SLOPE = 0.05  # [rad]

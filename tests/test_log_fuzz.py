@@ -10,9 +10,8 @@ import pytest
 
 from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.log.read.reader import read_log, salvage
-from sim.scenario.files import load
-from sim.scenario.scenario import with_values
+from sim.log.read import read_log, salvage
+from sim.scenario import load, with_values
 
 DAMAGES = int(os.environ.get("CMPC_FUZZ", "80"))
 LONGEST = 20  # [s] for one command

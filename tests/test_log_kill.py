@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.log.read.reader import read_log
+from sim.log.read import read_log
 from sim.log.tools.check import check
 from sim.log.tools.recover import recover
 

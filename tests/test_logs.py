@@ -19,13 +19,13 @@ from sim.cli import main
 from sim.errors import UserError
 from sim.log.format.fields import CHANNELS, PREDICTION
 from sim.log.format.schema import SCHEMA, channel_metadata, full_name
+from sim.log.read import read_log, salvage
 from sim.log.read.attachments import check_xml
-from sim.log.read.reader import read_log, salvage
 from sim.log.tools.compare import compare
 from sim.log.write.container import McapFile
 from sim.review import load
-from sim.scenario.files import load as load_scenario
-from sim.scenario.scenario import with_values
+from sim.scenario import load as load_scenario
+from sim.scenario import with_values
 
 QUICK = {"time_limit": 0.45, "controller.horizon": 20}
 

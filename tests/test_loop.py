@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from fakes import PERIOD, Clockwork, Counting, Tape
 
-from sim.loop.loop import PROGRESS_TICKS, Loop
-from sim.loop.outcome import FallReason
-from sim.scenario.scenario import Push
+from sim.loop import FallReason, Loop
+from sim.loop.loop import PROGRESS_TICKS
+from sim.scenario import Push
 
 COM = {"torso": (0.0, 0.24), "left_femur": (0.0, 0.11)}
 

@@ -6,8 +6,8 @@ import pytest
 from controller.ltv.orbit import find_orbit, nominal_rate
 from sim.bridge import run as compose
 from sim.interface import Observation
-from sim.loop.tape import NoTape
-from sim.scenario.scenario import Push, Scenario, with_values
+from sim.loop import NoTape
+from sim.scenario import Push, Scenario, with_values
 
 LTV = {"controller.kind": "c-mpc-ltv"}
 CALM = with_values(Scenario(steps=2), LTV)

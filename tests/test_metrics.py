@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from fakes import control_step, plant_state
 
-from sim.loop.judge import Judge, TouchDown
+from sim.loop import FallReason, Judge, Outcome
+from sim.loop.judge import TouchDown
 from sim.loop.metrics import Durations, Metrics
-from sim.loop.outcome import FallReason, Outcome
 
 LIMITS = np.array([75.0, 75.0, 50.0, math.inf])
 

@@ -7,7 +7,8 @@ import oracle
 import pytest
 from conftest import RABBIT
 
-from controller.belief.model import B, WalkerModel, lump
+from controller.belief import WalkerModel
+from controller.belief.model import B, lump
 from controller.errors import UserError
 from controller.records import Leg, swap_legs
 

@@ -8,10 +8,9 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from controller.belief.model import WalkerModel
-from sim.plant.mujoco_plant import MujocoPlant
-from sim.plant.rigid_plant import RigidPlant
-from sim.scenario.plant import PlantSettings
+from controller.belief import WalkerModel
+from sim.plant import MujocoPlant, RigidPlant
+from sim.scenario import PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit"
 TOLERANCE = 1e-9  # relative to the largest entry of each quantity

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from sim.bridge.run import run_scenario
-from sim.log.read.reader import read_log
-from sim.scenario.files import load
-from sim.scenario.scenario import with_values
+from sim.log.read import read_log
+from sim.scenario import load, with_values
 
 NODE = Path(__file__).resolve().parent / "node"
 pytestmark = [

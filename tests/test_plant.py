@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import AppliedForce
-from sim.plant.mujoco_plant import BODIES, INTEGRATORS, MujocoPlant
+from sim.plant import MujocoPlant
+from sim.plant.mujoco_plant import BODIES, INTEGRATORS
+from sim.scenario import GroundSettings, PlantSettings
 from sim.scenario.per_link import BodyFactors, JointFactors
-from sim.scenario.plant import GroundSettings, PlantSettings
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit" / "rabbit.xml"
 PERIOD = 1e-3  # [s]

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from sim.errors import UserError
-from sim.plant.mujoco_plant import BODIES, MujocoPlant
+from sim.plant import MujocoPlant
+from sim.plant.mujoco_plant import BODIES
+from sim.scenario import GroundSettings, PlantSettings
 from sim.scenario.per_link import (
     BodyFactors,
     BodyLengths,
@@ -16,7 +18,6 @@ from sim.scenario.per_link import (
     JointTorques,
     LimbFactors,
 )
-from sim.scenario.plant import GroundSettings, PlantSettings
 
 MJCF = Path(__file__).parent.parent / "models/rabbit/rabbit.xml"
 Q = np.array([3.54, 2.92, -0.36, -0.15, 0.015])  # [rad]

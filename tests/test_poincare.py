@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim import cli
 from sim.bridge.run import build_rig
 from sim.plant.kinematics import LegGeometry
-from sim.scenario.scenario import Scenario, with_values
+from sim.scenario import Scenario, with_values
 from sim.stability import poincare
 from sim.stability.fixed_point import find_fixed_point
 from sim.stability.sections import Surface, to_stance_order

@@ -4,7 +4,7 @@ import numpy as np
 import oracle
 import pytest
 
-from controller.cmpc.prediction import predict
+from controller.cmpc import predict
 from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.records import Leg, StanceState
 

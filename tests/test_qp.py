@@ -6,13 +6,13 @@ import numpy as np
 import oracle
 import pytest
 
+from controller.cmpc import predict
 from controller.cmpc.cascade import Friction, Weights, build_problem
-from controller.cmpc.prediction import predict
 from controller.errors import UserError
-from controller.qp.problem import StageQP, failed
-from controller.qp.solvers import make_solver
+from controller.qp import StageQP, make_solver
+from controller.qp.problem import failed
 from controller.records import Leg, StanceState
-from sim.scenario.controller import ControllerSettings
+from sim.scenario import ControllerSettings
 
 N, T = 20, 1e-3
 DEFAULT = ControllerSettings().solver

@@ -21,9 +21,10 @@ from sim.errors import UserError
 from sim.interface import COORDINATES, JOINTS, ControlStep, Observation, PlantState
 from sim.log.format.fields import CHANNELS, LEGS, LINKS, OUTPUTS, STATUSES
 from sim.log.provenance import git_state, package_versions
-from sim.log.read.reader import read_channel, read_log
+from sim.log.read import read_log
+from sim.log.read.reader import read_channel
 from sim.log.write import Recorder, RunHeader
-from sim.loop.outcome import RunSummary
+from sim.loop import RunSummary
 
 ROOT = Path(__file__).resolve().parent.parent
 LENGTHS = {link: 0.625 if link == "torso" else 0.4 for link in LINKS}  # [m]

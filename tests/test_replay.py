@@ -7,9 +7,8 @@ import pytest
 
 from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.log.read.reader import read_log
-from sim.scenario.files import load
-from sim.scenario.scenario import with_values
+from sim.log.read import read_log
+from sim.scenario import load, with_values
 from tests.test_logs import exchanged
 
 BASE = {"time_limit": 0.6, "controller.horizon": 30}

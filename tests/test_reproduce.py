@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller.cmpc.cascade import CascadedMpc
+from controller.cmpc import CascadedMpc
 from sim import cli
 from sim.errors import UserError
 from sim.reproduce import (

@@ -8,14 +8,14 @@ import pytest
 
 from sim.bridge.run import run_scenario
 from sim.cli import main
-from sim.log.read.reader import read_log
+from sim.log.read import read_log
 from sim.review import load
 from sim.review.layouts import TABS, foxglove, plotjuggler, series_name
 from sim.review.page import page
 from sim.review.panels import PANELS
 from sim.review.signals import Signals, decimated, signals_of
-from sim.scenario.files import load as load_scenario
-from sim.scenario.scenario import with_values
+from sim.scenario import load as load_scenario
+from sim.scenario import with_values
 from tests.browser import Browser
 from tests.test_logs import hostile
 

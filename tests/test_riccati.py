@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from controller.qp import active_set, interior_point, riccati
+from controller.qp import StageQP, active_set, interior_point, make_solver, riccati
 from controller.qp import riccati_solver as structured
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel, refined
-from controller.qp.problem import SparseSolver, StageQP
-from controller.qp.solvers import make_solver
+from controller.qp.problem import SparseSolver
 
 N, R = 12, 3
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from sim.errors import PlantDiverged, UserError
 from sim.interface import AppliedForce
-from sim.plant.rigid_plant import RigidPlant
+from sim.plant import RigidPlant
+from sim.scenario import GroundSettings, PlantSettings
 from sim.scenario.per_link import BodyFactors, JointFactors, JointTorques
-from sim.scenario.plant import GroundSettings, PlantSettings, Ramp
+from sim.scenario.plant import Ramp
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit" / "rabbit.xml"
 PERIOD = 1e-3  # [s]

@@ -10,8 +10,8 @@ from controller.records import Leg
 from controller.rivals import dense_qp
 from sim.bridge import run as compose
 from sim.interface import Observation
-from sim.loop.tape import NoTape
-from sim.scenario.scenario import Scenario, with_values
+from sim.loop import NoTape
+from sim.scenario import Scenario, with_values
 from sim.trials import TrialSpec, run_trial
 from sim.trials.plan.plan import from_toml
 from sim.trials.run.result import result_without_times

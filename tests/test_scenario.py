@@ -7,18 +7,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import UserError
-from sim.scenario.controller import ControllerSettings
-from sim.scenario.files import from_toml, load, shipped, to_toml
-from sim.scenario.per_link import BodyFactors, JointFactors
-from sim.scenario.plant import GroundSettings, PlantSettings
-from sim.scenario.scenario import (
+from sim.scenario import (
+    ControllerSettings,
+    GroundSettings,
+    PlantSettings,
     Push,
     Scenario,
     StartSettings,
+    from_toml,
+    load,
     settings_table,
+    shipped,
+    to_toml,
     with_value,
     with_values,
 )
+from sim.scenario.per_link import BodyFactors, JointFactors
 from sim.settings import tree as settings
 from sim.settings.spec import specs
 

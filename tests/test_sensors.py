@@ -7,8 +7,8 @@ import pytest
 
 from sim.interface import Observation
 from sim.plant.sensors import Sensors
+from sim.scenario import SensorSettings
 from sim.scenario.per_link import JointAngles, JointRates
-from sim.scenario.signals import SensorSettings
 
 PERIOD = 1e-3  # [s]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controller.belief.stance import StanceEstimator
+from controller.belief import StanceEstimator
 from controller.records import Leg, swap_legs
 from sim.interface import Observation
 

@@ -6,11 +6,11 @@ import numpy as np
 import oracle
 import pytest
 
-from controller.cmpc.cascade import CascadedMpc, Friction, Weights, build_problem
-from controller.cmpc.prediction import predict
+from controller.cmpc import CascadedMpc, predict
+from controller.cmpc.cascade import Friction, Weights, build_problem
+from controller.qp import make_solver
 from controller.qp import riccati_solver as structured
 from controller.qp.problem import ROWS, failed
-from controller.qp.solvers import make_solver
 from controller.records import Leg, StanceState
 from sim.interface import Observation
 
@@ -61,9 +61,7 @@ def walk(model, walker, gait, gains):
         if ahead > 0 and height <= 0 and rate < 0:
             q, dq = model.impact(q, dq)
             left = not left
-            controller.stance.reset(
-                "left" if left else "right"
-            )  # the solver is to remember, so not controller.reset
+            controller.stance.reset("left" if left else "right")  # the solver is to remember, so not controller.reset
     assert not left
     return solver.kept
 

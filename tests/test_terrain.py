@@ -9,16 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import UserError
-from sim.plant.mujoco_plant import MujocoPlant
+from sim.plant import MujocoPlant
 from sim.plant.terrain import Terrain
-from sim.scenario.plant import (
-    GroundSettings,
-    Ledge,
-    Patch,
-    PlantSettings,
-    Ramp,
-    RoughSettings,
-)
+from sim.scenario import GroundSettings, PlantSettings
+from sim.scenario.plant import Ledge, Patch, Ramp, RoughSettings
 
 MJCF = Path(__file__).parent.parent / "models/rabbit/rabbit.xml"
 Q = np.array([3.54, 2.92, -0.36, -0.15, 0.015])  # [rad], the gait's posture after impact

@@ -17,18 +17,12 @@ import pytest
 from sim import cli
 from sim.errors import UserError
 from sim.trials import TrialSpec, run_plan, run_trial
-from sim.trials.plan.plan import (
-    Plan,
-    differences,
-    from_toml,
-    load_plan,
-    shipped_names,
-    to_toml,
-)
+from sim.trials.plan import Plan, load_plan
+from sim.trials.plan.plan import differences, from_toml, shipped_names, to_toml
 from sim.trials.report.findings import random_findings, sides
-from sim.trials.run.campaign import Results
+from sim.trials.run import Results, TrialResult
 from sim.trials.run.recall import open_results, stored_scenario
-from sim.trials.run.result import TrialResult, result_without_times
+from sim.trials.run.result import result_without_times
 from sim.trials.run.store import FILE, Store
 from sim.trials.run.trial import trial_scenario, trial_seed
 

@@ -18,8 +18,9 @@ from pathlib import Path
 import pytest
 
 from sim.bridge.run import run_scenario
+from sim.trials.run import TrialResult
 from sim.trials.run.recall import stored_scenario
-from sim.trials.run.result import TrialResult, result_without_times
+from sim.trials.run.result import result_without_times
 from sim.trials.run.store import FILE, Store
 
 pytestmark = pytest.mark.campaign

@@ -9,8 +9,7 @@ import pytest
 from fakes import control_step, plant_state
 
 from sim.bridge.run import build_plant, known_belief, run_scenario
-from sim.scenario.files import load
-from sim.scenario.scenario import Scenario, with_values
+from sim.scenario import Scenario, load, with_values
 from sim.settings.tree import spec_at
 from sim.trials.falls.cause import PROOFS, Cause, decisive
 from sim.trials.falls.witness import SHARES, Witness

@@ -8,17 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from sim.scenario.scenario import Scenario
-from sim.trials.plan.grid import GridAxis, GridStudy, boundary
-from sim.trials.plan.margin import (
-    Margin,
-    MarginAxis,
-    MarginStudy,
-    bracket,
-    margin,
-    next_positions,
-)
-from sim.trials.plan.montecarlo import MonteCarloStudy, RandomAxis
+from sim.scenario import Scenario
+from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
+from sim.trials.plan.grid import GridAxis, boundary
+from sim.trials.plan.margin import Margin, MarginAxis, bracket, margin, next_positions
+from sim.trials.plan.montecarlo import RandomAxis
 from sim.trials.report import stats
 from sim.trials.report.findings import Side
 

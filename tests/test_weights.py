@@ -8,10 +8,9 @@ import pytest
 from sim.bridge.run import build_controller, known_belief
 from sim.cli import main
 from sim.errors import UserError
-from sim.scenario.files import from_toml
-from sim.scenario.scenario import Scenario, with_values
-from sim.trials.plan.plan import load_plan
-from sim.trials.run.result import TrialResult
+from sim.scenario import Scenario, from_toml, with_values
+from sim.trials.plan import load_plan
+from sim.trials.run import TrialResult
 from sim.trials.run.trial import axis_values
 from sim.trials.weights import changes, held_out_plan, paired, score, start_from
 

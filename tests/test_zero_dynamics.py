@@ -5,7 +5,8 @@ import oracle
 import pytest
 from scipy.linalg import expm
 
-from controller.cmpc.zero_dynamics import ZeroDynamicsController, zero_dynamics_pd
+from controller.cmpc import ZeroDynamicsController
+from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.records import Leg
 from sim.interface import Observation
 

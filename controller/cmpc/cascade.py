@@ -4,13 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
-from controller.belief.stance import StanceEstimator
+from controller.belief import Gait, StanceEstimator, WalkerModel, kernels
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, predict
 from controller.compiled import compiled
-from controller.qp.problem import ROWS, Solver, StageQP, failed
+from controller.qp import Solver, StageQP
+from controller.qp.problem import ROWS, failed
 from controller.records import ControlStep, Observation, Status, Vector
 
 

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel, kernels
 from controller.compiled import compiled
 from controller.records import StanceState, Vector
 

@@ -4,10 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
-from controller.belief.stance import StanceEstimator
+from controller.belief import Gait, StanceEstimator, WalkerModel, kernels
 from controller.records import ControlStep, Observation, Status, Vector
 
 NO_TORQUE = np.zeros(4)  # [N.m]

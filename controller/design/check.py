@@ -4,9 +4,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from controller.belief.gait import Gait
+from controller.belief import Gait, WalkerModel
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.poincare import NoReturn, ReturnMap, return_map
 from controller.design.requirements import Margin, Requirements, margins

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import elevate
 from controller.records import NORMAL, ROLES, TANGENTIAL, Vector

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief.gait import Gait
+from controller.belief import Gait, WalkerModel
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
 from controller.design.poincare import NoReturn, return_map, step
 
 LOWEST = np.array([5.0] * 4 + [2.0] * 4)  # [1/s^2], [1/s]

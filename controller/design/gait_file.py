@@ -4,8 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel
 from controller.design.orbit import Orbit
 from controller.errors import UserError
 from controller.records import Vector

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares, minimize
 
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import NoPosture, Parametrisation, posture, with_rates
 from controller.design.problem import COST, MARGINS, NODES, ROOTS, SPEED, Cost, Problem, violation_of

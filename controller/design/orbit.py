@@ -15,9 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel, kernels
 from controller.design import orbit_kernels
 from controller.design.orbit_kernels import Nodes
 from controller.records import Vector

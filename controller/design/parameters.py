@@ -10,9 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel, kernels
 from controller.design import orbit_kernels
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.records import STANCE_HIP, STANCE_KNEE, SWING_HIP, SWING_KNEE, TORSO, Vector, swap_legs

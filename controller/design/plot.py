@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel
 from controller.design.orbit import Orbit
 from controller.errors import UserError
 from controller.records import (

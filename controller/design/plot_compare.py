@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.belief.model import WalkerModel
+from controller.belief import WalkerModel
 from controller.design.compare import Comparison
 from controller.design.plot import COLOURS, FLOOR, label, links, panels, save
 from controller.records import ROLES, TORSO

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
+from controller.belief import Gait, WalkerModel, kernels
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
 from controller.design import orbit_kernels
 from controller.records import Vector
 

@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.optimize import least_squares
 
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel
 from controller.design.orbit import periodic_orbit
 from controller.design.parameters import Parametrisation, with_rates
 from controller.records import Vector

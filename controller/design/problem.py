@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from controller.belief.model import WalkerModel
+from controller.belief import WalkerModel
 from controller.design.orbit import periodic_orbit, quadrature
 from controller.design.parameters import NoPosture, Parametrisation
 from controller.design.requirements import Requirements, margins

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief.gait import Gait
+from controller.belief import Gait, WalkerModel
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
 from controller.design.orbit import Orbit
 from controller.design.transverse import transverse_eigenvalues
 from controller.records import NORMAL, STANCE_KNEE, SWING_KNEE, TANGENTIAL, TORSO, Vector

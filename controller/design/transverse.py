@@ -7,9 +7,8 @@ hybrid invariant gait the Poincare map is block triangular, so these eigenvalues
 
 import numpy as np
 
-from controller.belief.gait import Gait
+from controller.belief import Gait, WalkerModel
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
 from controller.design import orbit_kernels
 from controller.design.orbit import Orbit
 

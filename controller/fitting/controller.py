@@ -21,9 +21,7 @@ they see.
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
-from controller.belief.stance import StanceEstimator
+from controller.belief import Gait, StanceEstimator, WalkerModel
 from controller.fitting.family import GaitFamily
 from controller.records import TORSO, ControlStep, Observation, StanceState, Vector
 

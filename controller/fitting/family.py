@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief.gait import Gait
+from controller.belief import Gait
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import CLOCK, NoPosture, Parametrisation, elevate, with_rates
 from controller.errors import UserError

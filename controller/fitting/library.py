@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.belief.gait import Gait, load_gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel, load_gait
 from controller.design.orbit import periodic_orbit
 from controller.design.parameters import Parametrisation, with_rates
 from controller.errors import UserError

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief.gait import Gait
+from controller.belief import Gait, StanceEstimator, WalkerModel
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
-from controller.belief.stance import StanceEstimator
 from controller.cmpc.cascade import Friction
 from controller.ltv import plan
 from controller.ltv.cost import Cost

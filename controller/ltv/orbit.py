@@ -5,9 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel, kernels
 from controller.compiled import Array, compiled
 
 STEPS = 60  # to settle on the periodic orbit

@@ -9,10 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from controller.belief.gait import Gait
+from controller.belief import Gait, StanceEstimator, WalkerModel
 from controller.belief.kernels import Gains
-from controller.belief.model import WalkerModel
-from controller.belief.stance import StanceEstimator
 from controller.records import ControlStep, Observation, Plan, Status, Vector
 from controller.rivals.dense_qp import Answer, no_answer
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics

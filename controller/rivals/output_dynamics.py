@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel, kernels
 from controller.compiled import compiled
 from controller.records import Vector
 

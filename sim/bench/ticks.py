@@ -16,9 +16,8 @@ import numpy as np
 from sim.bridge.run import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
 from sim.interface import ControlStep, Observation, PlantState
 from sim.log.format.fields import STATUSES
-from sim.loop.tape import NoTape
-from sim.scenario.files import load
-from sim.scenario.scenario import Scenario, with_values
+from sim.loop import NoTape
+from sim.scenario import Scenario, load, with_values
 
 RUNS = ("undisturbed", "push-25N", "friction-50N", "payload-x2")
 """The four runs that ticks are measured over."""

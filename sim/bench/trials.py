@@ -5,10 +5,11 @@ import time
 from collections.abc import Callable
 
 from sim.bench.ticks import Figure
-from sim.scenario.scenario import Scenario
-from sim.trials.plan.montecarlo import MonteCarloStudy, RandomAxis
-from sim.trials.plan.plan import Plan
-from sim.trials.run.campaign import Progress, cores, run_plan
+from sim.scenario import Scenario
+from sim.trials.plan import MonteCarloStudy, Plan
+from sim.trials.plan.montecarlo import RandomAxis
+from sim.trials.run import run_plan
+from sim.trials.run.campaign import Progress, cores
 
 STEPS = 5
 TARGETS = {"c-mpc": ">= 3", "zd-pd": ">= 10"}

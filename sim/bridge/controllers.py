@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.belief import kernels
-from controller.belief.gait import Gait, load_gait
-from controller.belief.model import WalkerModel
-from controller.cmpc.cascade import PENALTY, CascadedMpc, Friction, Weights
-from controller.cmpc.zero_dynamics import ZeroDynamicsController
-from controller.qp.problem import ROWS, Solver
-from controller.qp.solvers import make_solver
+from controller.belief import Gait, WalkerModel, kernels, load_gait
+from controller.cmpc import CascadedMpc, ZeroDynamicsController
+from controller.cmpc.cascade import PENALTY, Friction, Weights
+from controller.qp import Solver, make_solver
+from controller.qp.problem import ROWS
 from sim.interface import Controller
-from sim.scenario.controller import ControllerSettings
-from sim.scenario.scenario import Scenario
-from sim.walkers.model_files import ModelFiles
+from sim.scenario import ControllerSettings, Scenario
+from sim.walkers import ModelFiles
 
 if TYPE_CHECKING:
     from controller.fitting.controller import Follower

@@ -13,7 +13,7 @@ from controller.design import gains as gain_search
 from controller.design import gait_file
 from sim import search
 from sim.bridge.gaits import belief
-from sim.walkers.folder import WalkerFolder
+from sim.walkers import WalkerFolder
 
 PAPER = (60.0, 90.0, 90.0, 50.0, 10.0, 20.0, 20.0, 10.0)
 """K_P [1/s^2] and K_D [1/s] of the paper, to compare with."""

@@ -9,8 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from controller.belief.gait import Gait, load_gait
-from controller.belief.model import WalkerModel
+from controller.belief import Gait, WalkerModel, load_gait
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
 from controller.design.compare import Comparison, compare
@@ -23,7 +22,7 @@ from controller.design.requirements import Requirements
 from controller.fitting import library
 from controller.records import ROLES
 from sim.errors import UserError
-from sim.walkers.folder import WalkerFolder
+from sim.walkers import WalkerFolder
 
 __all__ = [
     "COST_UNIT",

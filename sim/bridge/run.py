@@ -8,33 +8,27 @@ from pathlib import Path
 import numpy as np
 
 from controller.belief import kernels
-from controller.cmpc.cascade import CascadedMpc
+from controller.cmpc import CascadedMpc
 from controller.compiled import on_disk
+from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
-from controller.qp.problem import Solver
-from controller.qp.solvers import make_solver
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import Controller, Observation, Plant, Vector
 from sim.log import provenance
 from sim.log.write import Recorder, RunHeader
-from sim.loop.judge import FallCriteria
-from sim.loop.loop import Loop
-from sim.loop.outcome import RunSummary
-from sim.loop.tape import NoTape, Progress, Stop, Tape, Tapes
+from sim.loop import FallCriteria, Loop, NoTape, Progress, RunSummary, Stop, Tape, Tapes
+from sim.plant import MujocoPlant, RigidPlant
 from sim.plant.actuation import Actuation
 from sim.plant.instruments import InstrumentedPlant
 from sim.plant.kinematics import LEGS
-from sim.plant.mujoco_plant import MujocoPlant
-from sim.plant.rigid_plant import RigidPlant
 from sim.plant.sensors import Sensors
 from sim.plant.terrain import Terrain
-from sim.scenario.files import to_toml
-from sim.scenario.scenario import Scenario
-from sim.scenario.signals import ActuationSettings, SensorSettings
+from sim.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
 from sim.stability.rig import Rig
 from sim.stability.sections import Surface
 from sim.terminal.viewer import check_display, viewer
-from sim.walkers.model_files import LIBRARY, ModelFiles, library_json
+from sim.walkers import ModelFiles
+from sim.walkers.model_files import LIBRARY, library_json
 
 __all__ = [
     "Belief",

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from controller.belief.gait import load_gait
-from controller.belief.model import Link, WalkerModel
+from controller.belief import WalkerModel, load_gait
+from controller.belief.model import Link
 from controller.design.check import check, requirements_of
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
-from sim.loop.outcome import Outcome
+from sim.loop import Outcome
 from sim.plant.mechanics import ORDER, Mechanics
-from sim.scenario.scenario import Scenario, with_values
+from sim.scenario import Scenario, with_values
+from sim.walkers import WalkerFolder
 from sim.walkers import new as walker_files
-from sim.walkers.folder import WalkerFolder
 
 MASS = (0.05, 200.0)  # [kg] of a link
 LENGTH = (0.05, 3.0)  # [m]

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.scenario.files import load, to_toml
-from sim.scenario.scenario import Scenario, with_value
+from sim.scenario import Scenario, load, to_toml, with_value
 from sim.settings import flags
 from sim.terminal.interrupt import stop_on_signal
 

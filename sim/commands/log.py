@@ -10,7 +10,7 @@ from sim.errors import UserError
 from sim.settings import flags
 
 if TYPE_CHECKING:
-    from sim.log.read.reader import Log
+    from sim.log.read import Log
     from sim.log.tools.compare import ChannelComparison
 
 ACTIONS = {
@@ -77,7 +77,7 @@ def _warn(log: "Log") -> None:
 
 
 def _info(found: Any, path: Path) -> int:
-    from sim.log.read.reader import salvage
+    from sim.log.read import salvage
     from sim.log.tools.info import as_table, facts
 
     log = salvage(path)
@@ -122,8 +122,8 @@ def _recover(found: Any, source: Path, target: Path) -> int:
 
 
 def _export(found: Any, path: Path, folder: Path) -> int:
+    from sim.log.read import salvage
     from sim.log.read.frames import run_of
-    from sim.log.read.reader import salvage
     from sim.log.tools.export import export
 
     log = salvage(path)
@@ -134,7 +134,7 @@ def _export(found: Any, path: Path, folder: Path) -> int:
 
 
 def _compare(found: Any, a: Path, b: Path) -> int:
-    from sim.log.read.reader import salvage
+    from sim.log.read import salvage
     from sim.log.tools.compare import compare
 
     logs = salvage(a), salvage(b)

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from sim.errors import UserError
-from sim.scenario.files import load
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario, load
 from sim.settings import flags
 from sim.settings import tree as settings
 

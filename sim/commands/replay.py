@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from sim.commands.run import announce, check_new_log, default_log, print_summary
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario
 from sim.settings import flags
 
 if TYPE_CHECKING:
-    from sim.log.read.reader import Log
+    from sim.log.read import Log
     from sim.review.replay import Verdict
 
 EXIT_DIFFERENT = 1
@@ -37,8 +37,8 @@ def main(argv: Sequence[str]) -> int:
     if found.help or found.run is None:
         _parser(Scenario(), argv).print_help()
         return 0
+    from sim.log.read import read_log
     from sim.log.read.attachments import scenario_of
-    from sim.log.read.reader import read_log
     from sim.review.replay import version_changes
 
     log = read_log(Path(found.run))

@@ -10,7 +10,7 @@ from typing import Any
 
 from sim.errors import UserError
 from sim.reproduce import EXPERIMENTS
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario
 from sim.settings import flags
 from sim.terminal.bar import cost_bar
 from sim.terminal.interrupt import stop_on_signal

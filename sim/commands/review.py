@@ -63,7 +63,7 @@ def _layout(viewer: str, paths: list[str]) -> int:
 
 
 def _page(paths: list[Path], out: str | None, wanted: bool | None) -> int:
-    from sim.log.read.reader import salvage
+    from sim.log.read import salvage
     from sim.log.tools.text import printable
     from sim.review.page import write_page
 

@@ -9,9 +9,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.loop.outcome import Outcome, RunSummary
-from sim.scenario.files import DEFAULT, load, shipped
-from sim.scenario.scenario import Scenario
+from sim.loop import Outcome, RunSummary
+from sim.scenario import Scenario, load, shipped
+from sim.scenario.files import DEFAULT
 from sim.settings import flags
 
 LOGS = Path("logs")  # under the current directory

@@ -12,7 +12,7 @@ from sim.errors import UserError
 from sim.settings import flags
 
 if TYPE_CHECKING:
-    from sim.trials.run.campaign import Results
+    from sim.trials.run import Results
 
 LEAST_TRIALS = 4  # of a benchmark
 EPILOG = """\
@@ -68,7 +68,8 @@ def _parser() -> flags.Parser:
 
 
 def _print_list() -> None:
-    from sim.trials.plan.plan import load_plan, shipped_names
+    from sim.trials.plan import load_plan
+    from sim.trials.plan.plan import shipped_names
 
     for name in shipped_names():
         print(f"{name:<16}{load_plan(name).description}")
@@ -76,8 +77,8 @@ def _print_list() -> None:
 
 def _run(found: Namespace) -> int:
     from sim.terminal.interrupt import stop_on_signal
-    from sim.trials.plan.plan import load_plan
-    from sim.trials.run.campaign import run_plan
+    from sim.trials.plan import load_plan
+    from sim.trials.run import run_plan
     from sim.trials.run.progress import show_progress
 
     if found.workers is not None and found.cluster is not None:
@@ -119,7 +120,7 @@ def _kinds(text: str) -> tuple[str, ...]:
     Raises:
         UserError: one is not known, given twice, or there is none.
     """
-    from sim.scenario.scenario import Scenario
+    from sim.scenario import Scenario
     from sim.settings.tree import spec_at
 
     legal = spec_at(Scenario(), "controller.kind").choices
@@ -168,7 +169,7 @@ def _bench(argv: Sequence[str]) -> int:
 
 
 def _open(folder: str) -> "Results":
-    from sim.trials.run.campaign import Results
+    from sim.trials.run import Results
     from sim.trials.run.recall import open_results
 
     plan, store = open_results(folder)

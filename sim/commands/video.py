@@ -40,7 +40,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     if found.out is None:
         raise UserError("cmpc video takes RUN.mcap and the file to write, .mp4, .gif or .png")
-    from sim.log.read.reader import read_log
+    from sim.log.read import read_log
     from sim.review.film import film
 
     target = Path(found.out)

@@ -53,7 +53,7 @@ def main(argv: Sequence[str]) -> int:
         if value is not None and value < least:
             raise UserError(f"{flag} {value}; legal: {least} or above")
 
-    from sim.trials.plan.plan import load_plan
+    from sim.trials.plan import load_plan
     from sim.trials.run.campaign import cores
     from sim.trials.weights import search_weights, start_from
 

@@ -10,7 +10,7 @@ from sim.loop.metrics import Metrics
 from sim.loop.outcome import FallReason, Outcome, RunSummary
 from sim.loop.pushes import PERIOD, CentresOfMass, active_forces
 from sim.loop.tape import Progress, Stop, Tape
-from sim.scenario.scenario import Push
+from sim.scenario import Push
 
 PROGRESS_TICKS = 50
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from sim.interface import AppliedForce
-from sim.scenario.scenario import Push
+from sim.scenario import Push
 
 CentresOfMass = Mapping[str, tuple[float, float]]
 """Centre of mass (x, z) of each link in its own frame in [m], by link name; a plant offers it as `com`."""

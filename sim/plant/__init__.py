@@ -1,1 +1,9 @@
 """The truth: plants, ground, sensors and motors."""
+
+from sim.plant.mujoco_plant import MujocoPlant
+from sim.plant.rigid_plant import RigidPlant
+
+__all__ = [
+    "MujocoPlant",
+    "RigidPlant",
+]

@@ -6,9 +6,9 @@ from collections import deque
 import numpy as np
 
 from sim.interface import Vector
+from sim.scenario import ActuationSettings
 from sim.scenario import per_link as tables
 from sim.scenario.randomness import Purpose, stream
-from sim.scenario.signals import ActuationSettings
 
 
 class Actuation:

@@ -10,7 +10,7 @@ import numpy as np
 from sim.errors import UserError
 from sim.interface import FEET, JOINTS
 from sim.plant.terrain import Terrain
-from sim.scenario.plant import PlantSettings
+from sim.scenario import PlantSettings
 
 BODIES = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
 LEGS = ("left", "right")

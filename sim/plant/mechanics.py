@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.interface import COORDINATES, JOINTS, Vector
 from sim.plant.build import build_spec
-from sim.scenario.plant import PlantSettings
+from sim.scenario import PlantSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,7 +18,7 @@ from sim.interface import COORDINATES, FEET, JOINTS, AppliedForce, Observation, 
 from sim.plant.build import BODIES, INTEGRATORS, build_spec
 from sim.plant.kinematics import LEGS, LegGeometry
 from sim.plant.terrain import Terrain
-from sim.scenario.plant import PlantSettings
+from sim.scenario import PlantSettings
 
 DETECTED_LINKS = ("torso", "left_femur", "right_femur")
 """Links sensed to touch the ground; a femur reaches to the knee, so it answers for the tibia's upper end."""

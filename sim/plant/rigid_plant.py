@@ -22,8 +22,8 @@ from sim.plant.kinematics import LEGS
 from sim.plant.mujoco_plant import DETECTED_LINKS, whole_substeps
 from sim.plant.rigid_walker import PinnedWalker
 from sim.plant.terrain import Terrain
+from sim.scenario import PlantSettings
 from sim.scenario.per_link import JointTorques
-from sim.scenario.plant import PlantSettings
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
 EPS = float(np.finfo(float).eps)

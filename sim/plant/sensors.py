@@ -6,9 +6,9 @@ from collections import deque
 import numpy as np
 
 from sim.interface import COORDINATES, Observation, Vector
+from sim.scenario import SensorSettings
 from sim.scenario import per_link as tables
 from sim.scenario.randomness import Purpose, stream
-from sim.scenario.signals import SensorSettings
 
 _JOINTS = slice(0, 4)
 _TORSO = COORDINATES.index("torso")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.errors import UserError
-from sim.scenario.plant import GroundSettings
+from sim.scenario import GroundSettings
 from sim.scenario.randomness import Purpose, stream
 
 BACK = -10.0  # [m], where the ground begins

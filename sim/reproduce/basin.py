@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.interface import Vector
-from sim.loop.outcome import Outcome
-from sim.scenario.files import from_toml
-from sim.scenario.scenario import Push
+from sim.loop import Outcome
+from sim.scenario import Push, from_toml
 from sim.stability.rig import Rig
 from sim.stability.step_map import Fell, distance
 

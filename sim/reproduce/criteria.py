@@ -8,7 +8,7 @@ they judge were computed, and are not changed after them: a claim that fails is 
 import math
 from dataclasses import dataclass
 
-from sim.loop.outcome import Outcome
+from sim.loop import Outcome
 
 TENTH = 0.1
 """What is small beside something: at most this share of it."""

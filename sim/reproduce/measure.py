@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interface import ControlStep, Observation, PlantState, Vector
-from sim.loop.outcome import Outcome
-from sim.loop.tape import NoTape
-from sim.scenario.files import from_toml
-from sim.scenario.scenario import Scenario, with_values
+from sim.loop import NoTape, Outcome
+from sim.scenario import Scenario, from_toml, with_values
 from sim.stability.rig import Rig
 
 _SWAPPED = np.array([1, 0, 3, 2])

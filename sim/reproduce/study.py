@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.reproduce.panels import Panel
-from sim.scenario.files import to_toml
-from sim.scenario.scenario import Scenario, with_values
+from sim.scenario import Scenario, to_toml, with_values
 
 PLANTS = ("rigid", "mujoco")
 PLANT_NAMES = {"rigid": "rigid plant", "mujoco": "MuJoCo"}

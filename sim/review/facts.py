@@ -6,8 +6,7 @@ from typing import Any
 
 from sim.log.read.frames import Run, parsed
 from sim.log.tools.text import printable
-from sim.scenario.files import from_toml
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario, from_toml
 
 MOST_EVENTS = 500
 MOST_POINTS = 20_000  # of the ground

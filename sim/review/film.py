@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import UserError
+from sim.log.read import Log
 from sim.log.read.attachments import scenario_of, unpacked
 from sim.log.read.frames import run_of
-from sim.log.read.reader import Log
 from sim.review.signals import Signals, signals_of
 
 KINDS = (".mp4", ".gif", ".png")

@@ -11,8 +11,8 @@ import numpy as np
 
 from sim.errors import UserError
 from sim.log.format.fields import LEGS, OUTPUTS
+from sim.log.read import Log
 from sim.log.read.frames import Run, run_of
-from sim.log.read.reader import Log
 from sim.review import facts
 from sim.review.panels import PANELS, Panel
 from sim.review.signals import Signals, decimated, difference, signals_of

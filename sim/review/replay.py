@@ -11,15 +11,14 @@ from pathlib import Path
 from sim.bridge.run import Announce, run_scenario
 from sim.errors import UserError
 from sim.log import provenance
+from sim.log.read import Log, read_log
 from sim.log.read.attachments import scenario_of, unpacked
 from sim.log.read.frames import parsed
-from sim.log.read.reader import Log, read_log
 from sim.log.tools.check import changed_attachments
 from sim.log.tools.compare import Comparison, compare
-from sim.loop.outcome import Outcome, RunSummary
-from sim.loop.tape import Progress, Stop
-from sim.scenario.scenario import Scenario
-from sim.walkers.model_files import ModelFiles
+from sim.loop import Outcome, Progress, RunSummary, Stop
+from sim.scenario import Scenario
+from sim.walkers import ModelFiles
 
 MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")
 """Figures of a summary that depend on the machine."""

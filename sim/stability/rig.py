@@ -6,12 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.interface import Controller, Plant, Vector
-from sim.loop.judge import FallCriteria
-from sim.loop.loop import Loop
-from sim.loop.outcome import Outcome, RunSummary
-from sim.loop.tape import Stop, Tape
+from sim.loop import FallCriteria, Loop, Outcome, RunSummary, Stop, Tape
 from sim.plant.kinematics import LEGS
-from sim.scenario.scenario import Push, Scenario
+from sim.scenario import Push, Scenario
 from sim.stability.sections import SectionTape, Surface
 from sim.stability.step_map import Fell
 

@@ -8,8 +8,8 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from sim.loop.outcome import Outcome, RunSummary
-from sim.scenario.scenario import Scenario
+from sim.loop import Outcome, RunSummary
+from sim.scenario import Scenario
 
 OUTCOME_STYLES = {Outcome.COMPLETED.value: "bold green", Outcome.FELL.value: "bold yellow"}
 

@@ -8,9 +8,8 @@ import time
 from collections.abc import Iterator
 
 from sim.errors import UserError
-from sim.loop.tape import Stop
-from sim.plant.mujoco_plant import MujocoPlant
-from sim.plant.rigid_plant import RigidPlant
+from sim.loop import Stop
+from sim.plant import MujocoPlant, RigidPlant
 
 EXTENT = 2.0  # [m] of what is looked at
 FRAME = 1 / 60  # [s]

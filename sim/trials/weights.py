@@ -15,13 +15,11 @@ from typing import Any
 
 from sim import search
 from sim.errors import UserError
-from sim.scenario.files import load
-from sim.scenario.scenario import Scenario, with_values
+from sim.scenario import Scenario, load, with_values
 from sim.settings import tree as settings
-from sim.trials.plan.plan import Plan
+from sim.trials.plan import Plan
 from sim.trials.report.stats import mcnemar
-from sim.trials.run.campaign import run_plan
-from sim.trials.run.result import TrialResult
+from sim.trials.run import TrialResult, run_plan
 
 KIND = "c-mpc"
 OUTPUT, OUTPUT_RATE, HORIZON = "controller.weights.output", "controller.weights.output_rate", "controller.horizon"

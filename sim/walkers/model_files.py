@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario
 from sim.walkers.folder import WalkerFolder
 
 LIBRARY = "gait-library.json"

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.log.read.reader import Log
-from sim.scenario.files import from_toml
-from sim.scenario.scenario import Scenario
-from sim.walkers.model_files import LIBRARY, ModelFiles
+from sim.scenario import Scenario, from_toml
+from sim.walkers import ModelFiles
+from sim.walkers.model_files import LIBRARY
 
 LONGEST_HORIZON = 2000  # stages; the horizon of a log from elsewhere could ask for any amount of memory
 MOST_SUBSTEPS = 1000

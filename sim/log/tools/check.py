@@ -11,11 +11,12 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
 from sim.errors import UserError
+from sim.log.read import Log
 from sim.log.read.attachments import check_xml
-from sim.log.read.reader import Log, log_of, read_bytes
+from sim.log.read.reader import log_of, read_bytes
 from sim.log.read.scan import Scan, parse, scan, walk
 from sim.log.tools.recover import gaps
-from sim.scenario.files import from_toml
+from sim.scenario import from_toml
 
 
 def check(path: Path) -> tuple[Log, list[str]]:

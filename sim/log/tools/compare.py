@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim.log.format.fields import CHANNELS
 from sim.log.format.layout import HEADER
-from sim.log.read.reader import Log
+from sim.log.read import Log
 
 PER_TICK = frozenset(channel.topic for channel in CHANNELS)
 WALL_TIME = ("/timing",)

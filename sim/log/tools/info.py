@@ -5,8 +5,8 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from sim.log.read import Log
 from sim.log.read.frames import parsed
-from sim.log.read.reader import Log
 from sim.log.tools.text import printable
 
 _ABOUT = ("scenario", "seed", "started", "versions", "git_revision", "git_dirty", "platform", "period_ns", "format")

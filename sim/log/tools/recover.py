@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.log.format.fields import CHANNELS
-from sim.log.read.reader import Log, log_of, read_bytes
+from sim.log.read import Log
+from sim.log.read.reader import log_of, read_bytes
 from sim.log.read.scan import scan
 from sim.log.write.container import McapFile
 

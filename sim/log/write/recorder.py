@@ -25,7 +25,7 @@ from sim.log.write.container import McapFile
 from sim.log.write.header import RunHeader
 from sim.log.write.prediction import Hindsight, horizon_message
 from sim.log.write.scene import frame_transforms, scene_update, set_time
-from sim.loop.outcome import RunSummary
+from sim.loop import RunSummary
 
 CHUNK_TICKS = 200
 """Ticks a chunk: about 230 KiB, and what a killed process loses at most."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interface import JOINTS, ControlStep, Observation, PlantState, Vector
-from sim.loop.tape import NoTape
+from sim.loop import NoTape
 from sim.trials.falls.cause import Cause, Evidence
 
 KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than the time after which a run is stalled

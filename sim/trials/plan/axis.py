@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario
 from sim.settings import tree as settings
 from sim.settings.spec import Spec, from_text
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario
 from sim.settings.units import NOT_NEGATIVE, Unit
 from sim.trials.plan.axis import Value, label, spec_of
 

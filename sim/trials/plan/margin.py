@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario
 from sim.settings.units import AT_LEAST_ONE, POSITIVE, Unit
 from sim.trials.plan.axis import label, spec_of
 

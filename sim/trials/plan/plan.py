@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario
+from sim.scenario import Scenario
 from sim.settings import tree as settings
 from sim.settings.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.trials.plan.axis import Axis, Value, changes, label, scenario_at

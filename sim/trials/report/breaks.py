@@ -5,14 +5,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from sim.trials.falls import witness as w
+from sim.trials.plan import MarginStudy
 from sim.trials.plan.axis import label
-from sim.trials.plan.margin import MarginStudy
 from sim.trials.report import plots
 from sim.trials.report.findings import Side, sides
 from sim.trials.report.page import key
 from sim.trials.report.summary import DIRECTIONS
-from sim.trials.run.campaign import Results
-from sim.trials.run.result import TrialResult
+from sim.trials.run import Results, TrialResult
 
 SYMPTOMS = {
     "start": f"a foot begins deeper than {1e3 * w.SUNK:g} mm in the ground, and the fall within {w.AT_ONCE:g} s",

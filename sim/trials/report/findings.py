@@ -4,13 +4,11 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
 from sim.trials.plan.axis import Value, label, spec_of
-from sim.trials.plan.grid import GridStudy
-from sim.trials.plan.margin import Margin, MarginAxis, MarginStudy, margin, next_positions
-from sim.trials.plan.montecarlo import MonteCarloStudy
+from sim.trials.plan.margin import Margin, MarginAxis, margin, next_positions
 from sim.trials.report import stats
-from sim.trials.run.campaign import Results
-from sim.trials.run.result import TrialResult
+from sim.trials.run import Results, TrialResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

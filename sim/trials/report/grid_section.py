@@ -4,13 +4,13 @@ import html
 import math
 from collections.abc import Iterator, Sequence
 
+from sim.trials.plan import GridStudy
 from sim.trials.plan.axis import label, spec_of
-from sim.trials.plan.grid import GridStudy, boundary, lines
+from sim.trials.plan.grid import boundary, lines
 from sim.trials.report import plots
 from sim.trials.report.findings import grid_rows
 from sim.trials.report.page import number
-from sim.trials.run.campaign import Results
-from sim.trials.run.result import TrialResult
+from sim.trials.run import Results, TrialResult
 
 
 def grid_section(results: Results, study: GridStudy) -> Iterator[str]:

@@ -3,12 +3,12 @@
 import html
 from collections.abc import Iterator, Sequence
 
+from sim.trials.plan import MarginStudy
 from sim.trials.plan.axis import label
-from sim.trials.plan.margin import MarginStudy
 from sim.trials.report import plots
 from sim.trials.report.findings import Side, sides, weakest
 from sim.trials.report.summary import DIRECTIONS, side_words
-from sim.trials.run.campaign import Results
+from sim.trials.run import Results
 
 FIRST = 3  # sides named that break first
 

@@ -19,7 +19,7 @@ from sim.trials.report.svg import (
     titled,
 )
 from sim.trials.report.svg import label as text
-from sim.trials.run.result import TrialResult
+from sim.trials.run import TrialResult
 
 BAR = 11.0  # height of a bar
 

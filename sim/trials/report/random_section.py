@@ -3,12 +3,12 @@
 import html
 from collections.abc import Iterator
 
+from sim.trials.plan import MonteCarloStudy
 from sim.trials.plan.axis import label, spec_of
-from sim.trials.plan.montecarlo import MonteCarloStudy
 from sim.trials.report import plots
 from sim.trials.report.findings import RandomFindings, random_findings
 from sim.trials.report.page import controller_colour
-from sim.trials.run.campaign import Results
+from sim.trials.run import Results
 
 MOST_CURVES = 9  # survival curves
 

@@ -9,17 +9,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.loop.judge import FallCriteria
-from sim.trials.plan.grid import GridStudy
-from sim.trials.plan.margin import MarginStudy
+from sim.loop import FallCriteria
+from sim.trials.plan import GridStudy, MarginStudy
 from sim.trials.plan.plan import to_toml
 from sim.trials.report.breaks import breaks_page
 from sim.trials.report.grid_section import grid_section
 from sim.trials.report.margin_section import margin_section
 from sim.trials.report.page import controller_colour, document, key, number
 from sim.trials.report.random_section import random_section
-from sim.trials.run.campaign import Results, pending
-from sim.trials.run.result import TrialResult
+from sim.trials.run import Results, TrialResult
+from sim.trials.run.campaign import pending
 
 REPORT, BREAKS = "report.html", "breaks.html"
 MOST_FALLS = 100  # rows of the list of falls

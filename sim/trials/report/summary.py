@@ -3,12 +3,10 @@
 import dataclasses
 import json
 
+from sim.trials.plan import GridStudy, MarginStudy
 from sim.trials.plan.axis import label
-from sim.trials.plan.grid import GridStudy
-from sim.trials.plan.margin import MarginStudy
 from sim.trials.report.findings import Side, grid_rows, random_findings, sides, weakest
-from sim.trials.run.campaign import Results
-from sim.trials.run.result import TrialResult
+from sim.trials.run import Results, TrialResult
 
 DIRECTIONS = {-1: "down", 1: "up"}
 _UNITS = {

@@ -12,8 +12,9 @@ from typing import Any
 
 from sim.errors import UserError
 from sim.log import provenance
-from sim.trials.plan.margin import MarginStudy, next_positions
-from sim.trials.plan.plan import Plan, differences
+from sim.trials.plan import MarginStudy, Plan
+from sim.trials.plan.margin import next_positions
+from sim.trials.plan.plan import differences
 from sim.trials.run import workers as pools
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import FILE, LOGS, Store, locked, set_aside

@@ -4,8 +4,8 @@ import difflib
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.scenario.scenario import Scenario
-from sim.trials.plan.plan import Plan
+from sim.scenario import Scenario
+from sim.trials.plan import Plan
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import FILE, Store
 from sim.trials.run.trial import trial_scenario

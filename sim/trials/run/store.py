@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from sim.errors import UserError
+from sim.trials.plan import Plan
 from sim.trials.plan import plan as plans
-from sim.trials.plan.plan import Plan
 from sim.trials.run.result import TrialResult
 
 VERSION = 2

@@ -17,14 +17,11 @@ import numpy as np
 
 from sim.errors import UserError
 from sim.interface import JOINTS
-from sim.loop.outcome import Outcome, RunSummary
-from sim.loop.tape import Tape
-from sim.scenario.scenario import Scenario
+from sim.loop import Outcome, RunSummary, Tape
+from sim.scenario import Scenario
 from sim.trials.falls.witness import Witness
+from sim.trials.plan import GridStudy, MarginStudy, Plan
 from sim.trials.plan.axis import Value, changes, label, scenario_at
-from sim.trials.plan.grid import GridStudy
-from sim.trials.plan.margin import MarginStudy
-from sim.trials.plan.plan import Plan
 from sim.trials.run.result import TrialResult
 
 WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
