@@ -7,12 +7,15 @@ from argparse import Namespace
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sim.errors import UserError
-from sim.loop import Outcome, RunSummary
 from sim.scenario import Scenario, load, shipped
 from sim.scenario.files import DEFAULT
 from sim.settings import flags
+
+if TYPE_CHECKING:
+    from sim.loop import RunSummary
 
 LOGS = Path("logs")  # under the current directory
 WIDTH = 200  # columns of a table that goes to a file, so that paths stay whole
@@ -119,6 +122,7 @@ def check_new_log(path: Path) -> None:
 
 def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
     from sim.bridge.run import run_scenario
+    from sim.loop import Outcome
     from sim.terminal.interrupt import stop_on_signal
     from sim.terminal.progress import progress_bar
 
@@ -135,7 +139,7 @@ def announce(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def print_summary(summary: RunSummary, scenario: Scenario, *, json: bool) -> None:
+def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool) -> None:
     """Print a summary as a table, or as one JSON object."""
     from sim.terminal.summary import as_json, as_table
 
