@@ -4,16 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sim.scenario.per_link import (
-    BodyFactors,
-    BodyLengths,
-    BodyMasses,
-    JointFactors,
-    JointInertias,
-    JointTorques,
-    LimbFactors,
-)
-from sim.settings.units import (
+from controller.units import (
     AT_LEAST_ONE,
     NOT_NEGATIVE,
     POSITIVE,
@@ -24,6 +15,15 @@ from sim.settings.units import (
     Ratio,
     Second,
     Unit,
+)
+from sim.scenario.per_link import (
+    BodyFactors,
+    BodyLengths,
+    BodyMasses,
+    JointFactors,
+    JointInertias,
+    JointTorques,
+    LimbFactors,
 )
 
 
