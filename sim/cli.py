@@ -1,10 +1,9 @@
 """The program `cmpc`: finds the sub-command and turns errors into one line and an exit code.
 
-A sub-command is a module of `sim.commands` with `main(argv) -> int`, imported when it is called, and a line
-in `COMMANDS`.
+A sub-command is a module of `sim.commands` with `add_parser(commands, argv)`, imported when it is called, and a line
+in `COMMANDS`. It adds its parser and gives it, as the default of `run`, what the parsed words are handed to.
 """
 
-import difflib
 import importlib
 import sys
 from collections.abc import Sequence
@@ -47,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
         Exit code: 0, 1 for a run that ended in an error, 2 for bad input, 128 + the signal if interrupted.
     """
     try:
-        return _dispatch(argv)
+        return _run(argv)
     except UserError as error:
         print("cmpc: error:", " ".join(str(error).split()), file=sys.stderr)
         return EXIT_USER_ERROR
@@ -56,34 +55,32 @@ def main(argv: Sequence[str]) -> int:
         return EXIT_INTERRUPTED
 
 
-def _dispatch(argv: Sequence[str]) -> int:
-    if not argv or argv[0] in ("-h", "--help"):
-        print(_help())
+def _run(argv: Sequence[str]) -> int:
+    from sim.settings.flags import Parser
+
+    parser = Parser(
+        prog="cmpc",
+        usage="cmpc COMMAND [options]",
+        description="Cascaded MPC for the five-link biped RABBIT, walking in MuJoCo.",
+        epilog="cmpc COMMAND --help shows the options of a command, cmpc --version the version.",
+    )
+    parser.add_argument("--version", action="store_true", help="print the version")
+    commands = parser.add_subparsers(title="commands", metavar="", prog="cmpc")
+    for name, line in COMMANDS.items():
+        if [name] == list(argv[:1]):  # only the one that is asked for, so that nothing else is loaded
+            importlib.import_module(f"sim.commands.{name}").add_parser(commands, argv[1:])
+        else:
+            commands.add_parser(name, help=line)
+    try:
+        found = parser.parse(argv)
+    except SystemExit:  # --help
         return 0
-    if argv[0] == "--version":
+    if found.version:
         from importlib.metadata import version
 
         print("cmpc", version("cmpc-walker"))
         return 0
-    name, *rest = argv
-    if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, n=1)
-        guess = f"did you mean {near[0]}? " if near else ""
-        raise UserError(f"unknown command {name!r}; {guess}Commands: {', '.join(COMMANDS)}")
-    return int(importlib.import_module(f"sim.commands.{name}").main(rest))
-
-
-def _help() -> str:
-    lines = [f"  {name:<12}{line}" for name, line in COMMANDS.items()]
-    return "\n".join(
-        [
-            "usage: cmpc COMMAND [options]",
-            "",
-            "Cascaded MPC for the five-link biped RABBIT, walking in MuJoCo.",
-            "",
-            "commands:",
-            *lines,
-            "",
-            "cmpc COMMAND --help shows the options of a command, cmpc --version the version.",
-        ]
-    )
+    if "run" not in found:
+        found.parser.print_help()
+        return 0
+    return int(found.run(found))

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -70,7 +71,7 @@ def test_without_arguments_the_default_scenario_runs_and_logs(run, capsys):
     assert call() == 0
     assert run.scenario.name == "push-25N"
     assert run.log.parent == Path("logs") and run.log.parent.is_dir()
-    assert run.log.name.startswith("push-25N-c-mpc-2") and run.log.name.endswith("Z.mcap")
+    assert re.fullmatch(rf"push-25N-c-mpc-2\d{{7}}T\d{{6}}Z-{os.getpid()}\.mcap", run.log.name)
     out, err = capsys.readouterr()
     words = [
         "completed",
@@ -281,8 +282,39 @@ def test_an_unknown_command_is_refused_with_the_nearest(capsys):
     assert "did you mean run?" in capsys.readouterr().err
 
 
+ACTIONS = {
+    "gait": ("design", "check", "compare", "polish", "library"),
+    "gains": ("search",),
+    "weights": ("search",),
+    "walker": ("new", "check"),
+    "log": ("info", "check", "recover", "export", "compare"),
+}
+
+
+@pytest.mark.parametrize("command", ACTIONS)
+def test_each_action_has_its_help_and_a_mistyped_one_is_refused_with_the_nearest(command, capsys):
+    assert cli.main([command]) == 0
+    listed = capsys.readouterr().out
+    for action in ACTIONS[command]:
+        assert action in listed
+        assert cli.main([command, action, "--help"]) == 0
+        assert capsys.readouterr().out.startswith(f"usage: cmpc {command} {action} ")
+        assert cli.main([command, action[:-1]]) == 2
+        assert f"cmpc {command} {action[:-1]}: unknown; did you mean {action}?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "line", ["bench --quik", "gait check paper --jsn", "log info x --jsn", "trials report x --ou y"]
+)
+def test_a_mistyped_option_of_any_command_is_one_line_with_the_nearest(line, capsys):
+    assert cli.main(line.split()) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and "unknown option --" in err
+
+
 @pytest.mark.parametrize("argv", [[], ["--help"]])
-def test_help_lists_each_command(argv, capsys):
+def test_help_lists_each_command(argv, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     assert cli.main(argv) == 0
     out = capsys.readouterr().out
     for name, line in cli.COMMANDS.items():

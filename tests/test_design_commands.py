@@ -128,7 +128,7 @@ BAD = {
     "neither speed nor time": (["gait", "design", "--step-length", 0.4], ["--speed", "--step-time"]),
     "degree": (["gait", "design", "--step-length", 0.41, "--speed", 0.8, "--degree", 3], ["degree = 3", "4 to 10"]),
     "friction nan": (["gait", "check", "paper", "--friction", "nan"], ["--friction", "finite"]),
-    "unknown subcommand": (["gait", "desing"], ["desing", "legal"]),
+    "unknown subcommand": (["gait", "desing"], ["desing", "did you mean design"]),
     "polish over a file": (["gait", "polish", "paper", "--out", RABBIT / "gaits" / "paper.toml"], ["--force"]),
     "nothing to compare with": (["gait", "compare", "paper"], ["required"]),
     "compared with another walker's": (["gait", "compare", "paper", TAC], ["fingerprint", "cmpc gait design"]),
@@ -137,7 +137,7 @@ BAD = {
     "folder name": (["walker", "new", "Not A Name", "--urdf", URDF], ["Not A Name", "legal"]),
     "no urdf": (["walker", "new", "x", "--urdf", "nowhere.urdf"], ["nowhere.urdf", "no such"]),
     "gain of zero": (["gains", "search", "--kp", 0, 1, 1, 1, "--out", "g.toml"], ["--kp", "above 0"]),
-    "no evaluations": (["gains", "search", "--evaluations", 0, "--out", "g.toml"], ["--evaluations 0", "legal"]),
+    "no evaluations": (["gains", "search", "--evaluations", 0, "--out", "g.toml"], ["--evaluations 0", "must be"]),
 }
 
 

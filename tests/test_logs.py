@@ -297,8 +297,8 @@ def test_the_data_crc_covers_what_has_no_crc_of_its_own(path, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["log", "chek", "x"], "legal: info, check"),
-        (["log", "info"], "takes LOG"),
+        (["log", "chek", "x"], "did you mean check? must be info, check"),
+        (["log", "info"], "required: LOG"),
         (["log", "info", "nowhere.mcap"], "nowhere.mcap: No such file"),
         (["log", "info", "/dev/zero"], "not a file"),
         (["log", "info", "pyproject.toml"], "not an MCAP file"),

@@ -137,7 +137,7 @@ def test_it_needs_nothing_but_the_log(path, tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--set"], "--set takes PATH VALUE"),
+        (["--set"], "--set expected 2 arguments [PATH VALUE]"),
         (["--set", "plant.ground.frction", "1"], "plant.ground.friction"),
         (["--controller", "lqr"], "one of c-mpc, zd-pd"),
     ],

@@ -399,7 +399,7 @@ def test_a_bad_plan_is_one_line_and_exit_code_2(text: str, tmp_path: Path, capsy
         ("trials atlas", "--out"),
         ("trials atlass --out o", "did you mean atlas"),
         ("trials nowhere.toml --out o", "cannot be read"),
-        ("trials atlas --out o --workers 0", "--workers = 0"),
+        ("trials atlas --out o --workers 0", "--workers 0"),
         ("trials atlas --out o --workers 1 --cluster tcp://x:1", "--cluster"),
         ("trials atlas --out /proc/x", "/proc/x"),
         ("trials atlas --out o --controllers zdpd", "did you mean zd-pd"),

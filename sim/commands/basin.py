@@ -1,13 +1,15 @@
 """`cmpc basin`: from which torso offsets and first-step forces ZD+PD and C-MPC come back."""
 
 import json
-import os
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from sim.commands.options import add_quiet, add_scenario, add_workers, scenario_of
 from sim.errors import UserError
-from sim.scenario import Scenario, load, to_toml, with_value
+from sim.scenario import Scenario, to_toml, with_value
 from sim.settings import flags
 from sim.terminal.interrupt import stop_on_signal
 
@@ -30,24 +32,40 @@ exit code: 0 done, 2 bad input, 130 and 143 interrupted by Ctrl-C and SIGTERM
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc basin`; returns the exit code."""
-    found = _parser(Scenario(), argv).parse(argv)
-    scenario = load(found.scenario)
-    if found.help:
-        _parser(scenario, argv).print_help()
+def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = None) -> None:
+    """Add the parser of `cmpc basin`, whose help shows a scenario's values."""
+    parser, own = add_scenario(
+        commands,
+        "basin",
+        argv,
+        scenario,
+        description="Basin of attraction of both controllers over torso offset and first-step force.",
+        epilog=EPILOG,
+        default=DEFAULT,
+    )
+    parser.set_defaults(run=_run)
+    for flag, unit, span in (("--torso", "rad", TORSO), ("--force", "N", FORCE)):
+        text = f"[{unit}] (default: {' '.join(f'{value:g}' for value in span)})"
+        own.add_argument(flag, nargs=3, type=float, default=span, metavar=("FIRST", "LAST", "NUMBER"), help=text)
+    text = "what the offset turns (default: torso)"
+    own.add_argument("--axis", choices=("torso", "q5"), default="torso", help=text)
+    text = "distance from the periodic state that counts as converged (default: 0.05)"
+    own.add_argument("--epsilon", type=flags.real(above=0.0), default=0.05, metavar="rad", help=text)
+    text = "longest run (default: 25)"
+    own.add_argument("--limit", type=flags.whole(1), default=25, metavar="STEPS", help=text)
+    own.add_argument("--out", default=str(OUT), metavar="FOLDER", help=f"folder for results (default: {OUT})")
+    add_workers(own)
+    add_quiet(own)
+
+
+def _run(found: Namespace) -> int:
+    scenario = scenario_of(found, DEFAULT, add_parser)
+    if scenario is None:
         return 0
-    scenario = flags.apply(scenario, found)
-    torso, force = _axis("--torso", found.torso, "rad"), _axis("--force", found.force, "N")
-    if not found.epsilon > 0.0:
-        raise UserError(f"--epsilon {found.epsilon:g} rad: must be above 0 [rad]")
-    for name, value in (("--limit", found.limit), ("--workers", found.workers)):
-        if value < 1:
-            raise UserError(f"{name} {value}: must be 1 or above")
     return _map(
         scenario,
-        torso,
-        force,
+        _axis("--torso", found.torso, "rad"),
+        _axis("--force", found.force, "N"),
         axis=found.axis,
         epsilon=found.epsilon,
         limit=found.limit,
@@ -55,35 +73,6 @@ def main(argv: Sequence[str]) -> int:
         workers=found.workers,
         quiet=found.quiet,
     )
-
-
-def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
-    parser = flags.Parser(
-        prog="cmpc basin",
-        usage="cmpc basin [NAME|FILE.toml] [options]",
-        description="Basin of attraction of both controllers over torso offset and first-step force.",
-        epilog=EPILOG,
-    )
-    text = f"a shipped scenario (cmpc run --list) or a scenario file (default: {DEFAULT})"
-    parser.add_argument("scenario", nargs="?", default=DEFAULT, metavar="NAME|FILE.toml", help=text)
-    own = parser.add_argument_group("options")
-    own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
-    span = ("FIRST", "LAST", "NUMBER")
-    text = "torso offsets [rad] (default: -0.8 0.8 9)"
-    own.add_argument("--torso", nargs=3, type=float, default=TORSO, metavar=span, help=text)
-    text = "forces [N] (default: -40 80 7)"
-    own.add_argument("--force", nargs=3, type=float, default=FORCE, metavar=span, help=text)
-    text = "what the offset turns (default: torso)"
-    own.add_argument("--axis", choices=("torso", "q5"), default="torso", help=text)
-    text = "distance from the periodic state that counts as converged (default: 0.05)"
-    own.add_argument("--epsilon", type=float, default=0.05, metavar="rad", help=text)
-    own.add_argument("--limit", type=int, default=25, metavar="STEPS", help="most steps of a run (default: 25)")
-    own.add_argument("--out", default=str(OUT), metavar="FOLDER", help=f"folder for results (default: {OUT})")
-    text = "worker processes (default: one for each core)"
-    own.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="INT", help=text)
-    own.add_argument("--quiet", action="store_true", help="show no progress")
-    flags.add_settings(parser, scenario, argv)
-    return parser
 
 
 def _axis(flag: str, values: Sequence[float], unit: str) -> tuple[float, float, int]:
@@ -110,7 +99,7 @@ def _map(
     from sim.reproduce.basin import Fate, Grid
     from sim.reproduce.experiments import fig8
     from sim.reproduce.study import CONTROLLER_NAMES, CONTROLLERS, PLANT_NAMES, Task
-    from sim.terminal.bar import cost_bar
+    from sim.terminal.progress import progress_bar
 
     draw.require()
     grid = Grid.of(torso, force)
@@ -131,7 +120,7 @@ def _map(
                 },
                 cost=3.0 if controller == "c-mpc" else 1.0,
             )
-    with stop_on_signal() as stop, cost_bar("mapping", quiet=quiet) as show:
+    with stop_on_signal() as stop, progress_bar("mapping", quiet=quiet) as show:
         try:
             tasks.run(wanted, store, workers=workers, progress=show, stop=stop)
         except tasks.Stopped as reason:

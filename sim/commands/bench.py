@@ -1,31 +1,31 @@
 """`cmpc bench`: what ticks, solves and runs cost on this machine, against the targets."""
 
-import argparse
 import json
 import os
 import platform
-import sys
+from argparse import Namespace
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from sim.commands.options import add_json
+from sim.terminal import console
 
 if TYPE_CHECKING:
     from sim.bench.ticks import Figure
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc bench`; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="cmpc bench", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="shorter runs, noisier figures, about a minute")
-    parser.add_argument("--json", action="store_true", help="print the figures as one JSON object")
-    found = parser.parse_args(argv)
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc bench`."""
+    parser = commands.add_parser("bench", description=__doc__)
+    parser.set_defaults(run=_run)
+    parser.add_argument("--quick", action="store_true", help="shorter runs, noisier figures")
+    add_json(parser, "the figures")
 
+
+def _run(found: Namespace) -> int:
     from sim.bench.ticks import benchmark
 
-    def say(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
-    figures = benchmark(quick=found.quick, say=say)
-    show(figures, as_json=found.json)
+    show(benchmark(quick=found.quick, say=console.note), as_json=found.json)
     return 0
 
 
@@ -37,16 +37,11 @@ def show(figures: Sequence["Figure"], *, as_json: bool) -> None:
         ]
         print(json.dumps({"machine": _machine(), "figures": rows}))
         return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=_machine(), title_justify="left")
-    for column in ("figure", "measured", "unit", "target", ""):
-        table.add_column(column, justify="right" if column == "measured" else "left")
+    table = console.table("figure", "measured", "unit", "target", "", title=_machine(), right=("measured",))
     verdicts = {True: "holds", False: "missed", None: ""}
     for figure in figures:
         table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target, verdicts[figure.holds])
-    Console(highlight=False, width=None if sys.stdout.isatty() else 120).print(table)
+    console.show(table, 120)
 
 
 def _machine() -> str:

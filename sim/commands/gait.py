@@ -1,26 +1,19 @@
 """`cmpc gait`: design gaits, check them, polish printed ones, fill the library."""
 
-import argparse
 import json
-import math
-import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from sim.commands import gait_compare
+from sim.commands.options import add_json
 from sim.errors import UserError
 from sim.settings import flags
+from sim.terminal import console
 
-HELP = """\
-usage: cmpc gait design  --step-length M --speed M/S [options]   make a gait from nothing
-       cmpc gait check   NAME|FILE.toml [options]                 simulate it on the full model and judge it
-       cmpc gait compare NAME|FILE.toml NAME|FILE.toml            two gaits, coefficient by coefficient, cost by cost
-       cmpc gait polish  NAME|FILE.toml --out FILE.toml           the exactly periodic gait next to a printed one
-       cmpc gait library [options]                                a grid of gaits over step length and speed
-
-cmpc gait SUBCOMMAND --help shows the options. Exit code: 0, 1 for a gait that fails its check, 2 for bad input or a
-request that no gait can keep.
+EPILOG = """\
+exit code: 0, 1 for a gait that fails its check, 2 for bad input or a request that no gait can keep
 """
 
 REQUIREMENTS = {
@@ -41,81 +34,92 @@ REQUIREMENTS = {
 """Fields of `controller.design.requirements.Requirements` that are flags; a test holds both together."""
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc gait`; returns the exit code."""
-    commands = {
-        "design": _design,
-        "check": _check,
-        "compare": gait_compare.main,
-        "polish": _polish,
-        "library": _library,
-    }
-    if not argv or argv[0] in ("-h", "--help"):
-        print(HELP, end="")
-        return 0
-    if argv[0] not in commands:
-        raise UserError(f"cmpc gait {argv[0]}: unknown; legal: {', '.join(commands)}")
-    return commands[argv[0]](argv[1:])
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc gait`."""
+    parser = commands.add_parser("gait", description="Gaits: design, check, compare, polish, library.", epilog=EPILOG)
+    actions = parser.add_subparsers(metavar="COMMAND")
+
+    design = actions.add_parser(
+        "design",
+        help="make a gait from nothing",
+        description="The cheapest gait that keeps the requirements, the same bytes every time.",
+    )
+    design.add_argument("--step-length", type=float, required=True, metavar="M")
+    design.add_argument("--speed", type=float, metavar="M/S", help="mean speed; give this or --step-time")
+    design.add_argument("--step-time", type=flags.real(above=0.0), metavar="S")
+    _add_design(design)
+    text = "what is least (default: torque)"
+    design.add_argument("--cost", choices=("torque", "work"), default="torque", help=text)
+    design.add_argument("--warm", metavar="NAME|FILE.toml", help="gait to start from")
+    design.add_argument("--out", metavar="FILE.toml", help="default: L<m>-v<m/s>.toml in the walker's gaits/")
+    _add_common(design, _design, force=True)
+
+    text = "Simulate a gait on the controller's full model and judge it."
+    check = actions.add_parser("check", help="simulate it on the full model and judge it", description=text)
+    _add_gait(check)
+    _add_common(check, _check)
+
+    gait_compare.add_parser(actions)
+
+    text = "The exactly periodic gait next to one that is printed to a few decimals."
+    polish = actions.add_parser("polish", help="the exactly periodic gait next to a printed one", description=text)
+    _add_gait(polish)
+    polish.add_argument("--out", required=True, metavar="FILE.toml")
+    _add_common(polish, _polish, force=True)
+
+    library = actions.add_parser(
+        "library",
+        help="a grid of gaits over step length and speed",
+        description="Design a grid of gaits into the walker's gaits/; those that are there stay.",
+    )
+    library.add_argument("--step-lengths", type=float, nargs="+", default=[0.4], metavar="M", help="default: 0.4")
+    speeds = [0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1]
+    library.add_argument("--speeds", type=float, nargs="+", default=speeds, metavar="M/S", help="default: 0.5 ... 1.1")
+    _add_design(library)
+    library.add_argument("--workers", type=flags.whole(1), default=2, metavar="INT", help="processes (default: 2)")
+    library.add_argument("--fresh", action="store_true", help="design all of them again")
+    _add_common(library, _library, plot=False)
 
 
-def _parser(name: str, text: str, *, requirements: bool = True) -> flags.Parser:
-    parser = flags.Parser(prog=f"cmpc gait {name}", description=text)
-    parser.add_argument("-h", "--help", action="help", help="show this")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    if requirements:
-        group = parser.add_argument_group("requirements, where not the defaults")
-        for field, (unit, words) in REQUIREMENTS.items():
-            nargs = 4 if field in ("kp", "kd") else None
-            group.add_argument(_flag(field), dest=field, type=float, nargs=nargs, metavar=unit, help=words)
-    return parser
+def _add_gait(parser: flags.Parser) -> None:
+    parser.add_argument("gait", metavar="NAME|FILE.toml")
+    text = "default: the folder the gait lies in, or rabbit"
+    parser.add_argument("--walker", metavar="NAME|FOLDER", help=text)
 
 
-def _add_force(parser: flags.Parser) -> None:
-    parser.add_argument("--force", action="store_true", help="write over another file that is there")
+def _add_design(parser: flags.Parser) -> None:
+    parser.add_argument("--walker", default="rabbit", metavar="NAME|FOLDER", help="default: rabbit")
+    parser.add_argument("--degree", type=int, default=6, metavar="INT", help="of the Bezier polynomials (default: 6)")
+    text = "take the best of so many (default: 2)"
+    parser.add_argument("--starts", type=flags.whole(1), default=2, metavar="INT", help=text)
 
 
-def _flag(field: str) -> str:
-    return "--" + field.replace("_", "-")
+def _add_common(parser: flags.Parser, run: Any, *, force: bool = False, plot: bool = True) -> None:
+    parser.set_defaults(run=run)
+    if force:
+        parser.add_argument("--force", action="store_true", help="write over another file that is there")
+    if plot:
+        parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
+    add_json(parser)
+    group = parser.add_argument_group("requirements, where not the defaults")
+    for field, (unit, words) in REQUIREMENTS.items():
+        flag, nargs = "--" + field.replace("_", "-"), 4 if field in ("kp", "kd") else None
+        group.add_argument(flag, dest=field, type=flags.real(), nargs=nargs, metavar=unit, help=words)
 
 
-def _changes(found: argparse.Namespace) -> dict[str, Any]:
+def _changes(found: Namespace) -> dict[str, Any]:
     given = {field: getattr(found, field) for field in REQUIREMENTS if getattr(found, field) is not None}
-    for field, value in given.items():
-        for number in value if isinstance(value, list) else [value]:
-            if not math.isfinite(number):
-                raise UserError(f"{_flag(field)} = {number} {REQUIREMENTS[field][0].lower()}; legal: a finite number")
     return {field: tuple(value) if isinstance(value, list) else value for field, value in given.items()}
 
 
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
-
-
-def _design(argv: Sequence[str]) -> int:
-    parser = _parser("design", "The cheapest gait that keeps the requirements, the same bytes every time.")
-    parser.add_argument("--walker", default="rabbit", metavar="NAME|FOLDER", help="default: rabbit")
-    parser.add_argument("--step-length", type=float, required=True, metavar="M")
-    parser.add_argument("--speed", type=float, metavar="M/S", help="mean speed; give this or --step-time")
-    parser.add_argument("--step-time", type=float, metavar="S")
-    parser.add_argument("--degree", type=int, default=6, metavar="INT", help="of the Bezier polynomials (default: 6)")
-    parser.add_argument("--cost", choices=("torque", "work"), default="torque", help="what is least (default: torque)")
-    parser.add_argument("--warm", metavar="NAME|FILE.toml", help="gait to start from")
-    parser.add_argument("--starts", type=int, default=2, metavar="INT", help="take the best of so many (default: 2)")
-    parser.add_argument("--out", metavar="FILE.toml", help="default: L<m>-v<m/s>.toml in the walker's gaits/")
-    _add_force(parser)
-    parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
-    found = parser.parse(argv)
+def _design(found: Namespace) -> int:
     if (found.speed is None) == (found.step_time is None):
         raise UserError("cmpc gait design: give --speed [m/s] or --step-time [s], one of them")
-    if found.starts < 1:
-        raise UserError(f"--starts {found.starts}; legal: 1 or above")
-    if found.step_time is not None and not found.step_time > 0.0:
-        raise UserError(f"--step-time {found.step_time} s; legal: above 0 s")
     speed = found.speed if found.speed is not None else found.step_length / found.step_time
 
-    from sim.bridge import gaits as compose_design
+    from sim.bridge import gaits
 
-    made, design = compose_design.design_gait(
+    made, design = gaits.design_gait(
         found.walker,
         {**_changes(found), "step_length": found.step_length, "speed": speed},
         degree=found.degree,
@@ -125,59 +129,31 @@ def _design(argv: Sequence[str]) -> int:
         name=None,
         out=Path(found.out) if found.out else None,
         force=found.force,
-        say=_say,
+        say=console.note,
     )
     return _judge(made, _changes(found), found, extra={"iterations": design.iterations})
 
 
-def _check(argv: Sequence[str]) -> int:
-    parser = _parser("check", "Simulate a gait on the controller's full model and judge it.")
-    parser.add_argument("gait", metavar="NAME|FILE.toml")
-    parser.add_argument("--walker", metavar="NAME|FOLDER", help="default: the folder the gait lies in, or rabbit")
-    parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
-    found = parser.parse(argv)
+def _check(found: Namespace) -> int:
+    from sim.bridge import gaits
 
-    from sim.bridge import gaits as compose_design
-
-    return _judge(compose_design.belief(found.gait, found.walker), _changes(found), found)
+    return _judge(gaits.belief(found.gait, found.walker), _changes(found), found)
 
 
-def _polish(argv: Sequence[str]) -> int:
-    parser = _parser("polish", "The exactly periodic gait next to one that is printed to a few decimals.")
-    parser.add_argument("gait", metavar="NAME|FILE.toml")
-    parser.add_argument("--walker", metavar="NAME|FOLDER", help="default: the folder the gait lies in, or rabbit")
-    parser.add_argument("--out", required=True, metavar="FILE.toml")
-    _add_force(parser)
-    parser.add_argument("--plot", metavar="FILE.png", help="draw the gait")
-    found = parser.parse(argv)
+def _polish(found: Namespace) -> int:
+    from sim.bridge import gaits
 
-    from sim.bridge import gaits as compose_design
-
-    printed = compose_design.belief(found.gait, found.walker)
-    polished = compose_design.polish_gait(printed, Path(found.out), force=found.force)
+    printed = gaits.belief(found.gait, found.walker)
+    polished = gaits.polish_gait(printed, Path(found.out), force=found.force)
     apart = float(abs(polished.gait.alpha - printed.gait.alpha).max())
-    _say(f"largest change of a coefficient: {apart:.4f} rad")
+    console.note(f"largest change of a coefficient: {apart:.4f} rad")
     return _judge(polished, _changes(found), found, extra={"largest_change_rad": apart})
 
 
-def _library(argv: Sequence[str]) -> int:
-    parser = _parser("library", "Design a grid of gaits into the walker's gaits/; those that are there stay.")
-    parser.add_argument("--walker", default="rabbit", metavar="NAME|FOLDER", help="default: rabbit")
-    parser.add_argument("--step-lengths", type=float, nargs="+", default=[0.4], metavar="M", help="default: 0.4")
-    speeds = [0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1]
-    parser.add_argument("--speeds", type=float, nargs="+", default=speeds, metavar="M/S", help="default: 0.5 ... 1.1")
-    parser.add_argument("--degree", type=int, default=6, metavar="INT", help="of the Bezier polynomials (default: 6)")
-    parser.add_argument("--starts", type=int, default=2, metavar="INT", help="take the best of so many (default: 2)")
-    parser.add_argument("--workers", type=int, default=2, metavar="INT", help="processes (default: 2)")
-    parser.add_argument("--fresh", action="store_true", help="design all of them again")
-    found = parser.parse(argv)
-    for flag, value in (("--workers", found.workers), ("--starts", found.starts)):
-        if value < 1:
-            raise UserError(f"{flag} {value}; legal: 1 or above")
+def _library(found: Namespace) -> int:
+    from sim.bridge import gaits
 
-    from sim.bridge import gaits as compose_design
-
-    files = compose_design.library_gaits(
+    files = gaits.library_gaits(
         found.walker,
         found.step_lengths,
         found.speeds,
@@ -186,18 +162,18 @@ def _library(argv: Sequence[str]) -> int:
         starts=found.starts,
         workers=found.workers,
         fresh=found.fresh,
-        say=_say,
+        say=console.note,
     )
     print(json.dumps({"gaits": [str(file) for file in files]}) if found.json else f"{len(files)} gaits in the library")
     return 0
 
 
-def _judge(made: Any, changes: dict[str, Any], found: argparse.Namespace, extra: dict[str, Any] | None = None) -> int:
-    from sim.bridge import gaits as compose_design
+def _judge(made: Any, changes: dict[str, Any], found: Namespace, extra: dict[str, Any] | None = None) -> int:
+    from sim.bridge import gaits
 
-    report = compose_design.check_gait(made, changes)
+    report = gaits.check_gait(made, changes)
     if found.plot:
-        compose_design.plot_gait(Path(found.plot), made)
+        gaits.plot_gait(Path(found.plot), made)
     if found.json:
         print(json.dumps(_as_dict(made, report) | (extra or {})))
     else:
@@ -225,13 +201,8 @@ def _as_dict(made: Any, report: Any) -> dict[str, Any]:
 
 
 def _print(made: Any, report: Any) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=str(made.path), title_justify="left")
-    for column in ("", "found", "legal", ""):
-        table.add_column(column, overflow="fold")
+    table = console.table("", "found", "must be", " ", title=str(made.path))
     for finding in report.findings:
         verdict = {True: "holds", False: "VIOLATED", None: ""}[finding.holds]
         table.add_row(finding.name, finding.value, finding.legal, verdict)
-    Console(highlight=False, width=None if sys.stdout.isatty() else 170).print(table)
+    console.show(table)

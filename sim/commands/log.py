@@ -2,24 +2,18 @@
 
 import json
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sim.errors import UserError
-from sim.settings import flags
+from sim.commands.options import add_json
+from sim.terminal import console
 
 if TYPE_CHECKING:
     from sim.log.read import Log
     from sim.log.tools.compare import ChannelComparison
 
-ACTIONS = {
-    "info": "what ran, how it ended, and the channels",
-    "check": "CRCs, gaps in the ticks, messages against schemas, statistics against data, attachments",
-    "recover": "save what is sound in a log of a killed run, or a damaged one, as a new log",
-    "export": "one CSV or Parquet file a channel, the events and the attachments",
-    "compare": "the first tick and channel in which two logs differ, and the largest differences",
-}
 EPILOG = """\
   cmpc log info RUN.mcap                     cmpc log export RUN.mcap FOLDER --format parquet
   cmpc log check RUN.mcap                    cmpc log export RUN.mcap FOLDER --channel /control
@@ -29,39 +23,29 @@ exit code: 0 sound, nothing lost, identical; 1 problems found, something lost, d
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc log`; returns the exit code."""
-    parser = flags.Parser(
-        prog="cmpc log",
-        usage="cmpc log ACTION LOG [...]",
-        description="Look at logs.\n\nactions:\n" + "\n".join(f"  {k:<9}{v}" for k, v in ACTIONS.items()),
-        epilog=EPILOG,
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc log`."""
+    parser = commands.add_parser("log", description="Look at logs.", epilog=EPILOG)
+    actions = parser.add_subparsers(metavar="ACTION")
+
+    def action(name: str, run: Any, help: str, *paths: str) -> Any:
+        sub = actions.add_parser(name, help=help, description=help[:1].upper() + help[1:] + ".")
+        sub.set_defaults(run=run)
+        for path in paths:
+            sub.add_argument(path.lower(), type=Path, metavar=path)
+        return sub
+
+    add_json(action("info", _info, "what ran, how it ended, and the channels", "LOG"))
+    text = "CRCs, gaps in the ticks, messages against schemas, statistics against data, attachments"
+    add_json(action("check", _check, text, "LOG"))
+    action("recover", _recover, "save what is sound in a log of a killed run, or a damaged one", "LOG", "NEW")
+    export = action(
+        "export", _export, "one CSV or Parquet file a channel, the events, the attachments", "LOG", "FOLDER"
     )
-    parser.add_argument("-h", "--help", action="store_true", help="show this")
-    parser.add_argument("action", nargs="?", metavar="ACTION", help=", ".join(ACTIONS))
-    parser.add_argument("paths", nargs="*", metavar="PATH", help="the log; then what the action takes")
-    parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="of exported tables")
-    parser.add_argument(
-        "--channel", action="append", metavar="TOPIC", help="export this channel alone; may be repeated"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object (info, check, compare)")
-    found = parser.parse(argv)
-    if found.help or found.action is None:
-        parser.print_help()
-        return 0
-    if found.action not in ACTIONS:
-        raise UserError(f"cmpc log {found.action}: no such action; legal: {', '.join(ACTIONS)}")
-    wanted = {"info": ("LOG",), "check": ("LOG",), "recover": ("LOG", "NEW"), "export": ("LOG", "FOLDER")}
-    names = wanted.get(found.action, ("A", "B"))
-    if len(found.paths) != len(names):
-        raise UserError(f"cmpc log {found.action} takes {' '.join(names)}; {len(found.paths)} paths were given")
-    return int(globals()[f"_{found.action}"](found, *map(Path, found.paths)))
-
-
-def _show(table: Any) -> None:
-    from rich.console import Console
-
-    Console(highlight=False, width=None if sys.stdout.isatty() else 140).print(table)
+    export.add_argument("--format", choices=("csv", "parquet"), default="csv", help="of the tables (default: csv)")
+    export.add_argument("--channel", action="append", metavar="TOPIC", help="this channel alone; may be repeated")
+    text = "the first tick and channel in which two logs differ, and the largest differences"
+    add_json(action("compare", _compare, text, "A", "B"))
 
 
 def _warn(log: "Log") -> None:
@@ -76,68 +60,68 @@ def _warn(log: "Log") -> None:
         print(f"cmpc: warning: {log.path} was not finished; what is there is shown", file=sys.stderr)
 
 
-def _info(found: Any, path: Path) -> int:
+def _info(found: Namespace) -> int:
     from sim.log.read import salvage
     from sim.log.tools.info import as_table, facts
 
-    log = salvage(path)
+    log = salvage(found.log)
     _warn(log)
     if found.json:
         print(json.dumps(facts(log)))
     else:
         for table in as_table(log):
-            _show(table)
+            console.show(table, 140)
     return 0
 
 
-def _check(found: Any, path: Path) -> int:
+def _check(found: Namespace) -> int:
     from sim.log.tools.check import check
     from sim.log.tools.text import printable
 
-    log, problems = check(path)
+    log, problems = check(found.log)
     if found.json:
-        print(json.dumps({"log": str(path), "sound": not problems, "problems": problems}))
+        print(json.dumps({"log": str(found.log), "sound": not problems, "problems": problems}))
     else:
         for problem in problems:
             print(printable(problem))
         messages = sum(len(log.records(topic)) for topic in log.channels)
         verdict = f"{len(problems)} problems" if problems else "sound"
         parts = f"{len(log.channels)} channels, {messages} messages, {len(log.attachments)} attachments"
-        print(f"{path}: {verdict}; {parts}")
+        print(f"{found.log}: {verdict}; {parts}")
     return 1 if problems else 0
 
 
-def _recover(found: Any, source: Path, target: Path) -> int:
+def _recover(found: Namespace) -> int:
     from sim.log.tools.recover import recover
     from sim.log.tools.text import printable
 
-    saved = recover(source, target)
+    saved = recover(found.log, found.new)
     for loss in saved.lost:
         print(f"lost: {printable(loss)}")
     print(
-        f"{target}: {saved.messages} messages up to t = {saved.last_s:.3f} s"
+        f"{found.new}: {saved.messages} messages up to t = {saved.last_s:.3f} s"
         + ("" if saved.lost else ", all there was")
     )
     return 1 if saved.lost else 0
 
 
-def _export(found: Any, path: Path, folder: Path) -> int:
+def _export(found: Namespace) -> int:
     from sim.log.read import salvage
     from sim.log.read.frames import run_of
     from sim.log.tools.export import export
 
-    log = salvage(path)
+    log = salvage(found.log)
     _warn(log)
-    for file in export(run_of(log), folder, found.format, found.channel):
+    for file in export(run_of(log), found.folder, found.format, found.channel):
         print(file)
     return 0 if log.complete and not log.problems else 1
 
 
-def _compare(found: Any, a: Path, b: Path) -> int:
+def _compare(found: Namespace) -> int:
     from sim.log.read import salvage
     from sim.log.tools.compare import compare
 
-    logs = salvage(a), salvage(b)
+    logs = salvage(found.a), salvage(found.b)
     for log in logs:
         _warn(log)
     result = compare(*logs)

@@ -3,14 +3,18 @@
 import dataclasses
 import json
 import math
-import sys
+from argparse import Namespace
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from sim.commands.options import add_json, add_quiet, add_scenario, scenario_of
 from sim.errors import UserError
-from sim.scenario import Scenario, load
+from sim.scenario import Scenario
 from sim.settings import flags
 from sim.settings import tree as settings
+
+if TYPE_CHECKING:
+    from sim.terminal.progress import Update
 
 DEFAULT = "undisturbed"
 SETTLING = 60  # steps of the free walk whose scatter is reported
@@ -28,39 +32,34 @@ exit code: 0 a fixed point was found, 1 none was found (the walker falls), 2 bad
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc poincare`; returns the exit code."""
-    found = _parser(Scenario(), argv).parse(argv)
-    scenario = load(found.scenario)
-    if found.help:
-        _parser(scenario, argv).print_help()
+def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = None) -> None:
+    """Add the parser of `cmpc poincare`, whose help shows a scenario's values."""
+    parser, own = add_scenario(
+        commands,
+        "poincare",
+        argv,
+        scenario,
+        description="Stability of a scenario's gait: fixed point and eigenvalues of the step-to-step map.",
+        epilog=EPILOG,
+        default=DEFAULT,
+    )
+    parser.set_defaults(run=_run)
+    text = "use this perturbation only, without the step-size study"
+    own.add_argument("--step-size", type=flags.real(above=0.0), metavar="rad", help=text)
+    add_json(own)
+    add_quiet(own)
+
+
+def _run(found: Namespace) -> int:
+    scenario = scenario_of(found, DEFAULT, add_parser)
+    if scenario is None:
         return 0
-    scenario = flags.apply(scenario, found)
-    if found.step_size is not None and not 0.0 < found.step_size < 1.0:
+    if found.step_size is not None and not found.step_size < 1.0:
         raise UserError(f"--step-size {found.step_size:g} rad: must be above 0 and below 1 [rad]")
     _check_legs(scenario)
     report = analyse(scenario, step_size=found.step_size, quiet=found.quiet or found.json)
     print(json.dumps(report) if found.json else _text(report, scenario))
     return 0 if report["converged"] else 1
-
-
-def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
-    parser = flags.Parser(
-        prog="cmpc poincare",
-        usage="cmpc poincare [NAME|FILE.toml] [options]",
-        description="Stability of a scenario's gait: fixed point and eigenvalues of the step-to-step map.",
-        epilog=EPILOG,
-    )
-    text = f"a shipped scenario (cmpc run --list) or a scenario file (default: {DEFAULT})"
-    parser.add_argument("scenario", nargs="?", default=DEFAULT, metavar="NAME|FILE.toml", help=text)
-    own = parser.add_argument_group("options")
-    own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
-    text = "use this perturbation only, without the step-size study"
-    own.add_argument("--step-size", type=float, metavar="rad", help=text)
-    own.add_argument("--json", action="store_true", help="print the result as one JSON object")
-    own.add_argument("--quiet", action="store_true", help="show no progress")
-    flags.add_settings(parser, scenario, argv)
-    return parser
 
 
 def _check_legs(scenario: Scenario) -> None:
@@ -84,16 +83,18 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
         quiet: Whether to show no progress on stderr.
     """
     from sim.bridge.run import build_rig
+    from sim.terminal.progress import progress_bar
+
+    with progress_bar("step-to-step map", quiet=quiet) as update:
+        return _analyse(build_rig(scenario), step_size, update or (lambda done, of, words="": None))
+
+
+def _analyse(rig: Any, step_size: float | None, update: "Update") -> dict[str, Any]:
     from sim.stability import poincare
     from sim.stability.fixed_point import find_fixed_point
     from sim.stability.step_map import Fell, scaled
 
-    def say(text: str) -> None:
-        if not quiet and sys.stderr.isatty():
-            print(f"\r{text:<60}", end="", file=sys.stderr, flush=True)
-
-    rig = build_rig(scenario)
-    say("searching the fixed point")
+    update(0, 0, "searching the fixed point")
     point = find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
     report: dict[str, Any] = {
         "converged": point.converged,
@@ -118,7 +119,7 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
                 point.x,
                 h=step_size or poincare.PERTURBATION,
                 step_sizes=sizes,
-                progress=lambda done, of: say(f"Jacobians: {done} of {of}"),
+                progress=lambda done, of: update(done, of, f"Jacobian {done} of {of}"),
             )
         except Fell as fall:
             report["message"] = str(fall)
@@ -131,9 +132,6 @@ def analyse(scenario: Scenario, *, step_size: float | None = None, quiet: bool =
                 "roughness": stability.roughness,
                 "study": [dataclasses.asdict(row) for row in stability.study],
             }
-    say("")
-    if not quiet and sys.stderr.isatty():
-        print("\r", end="", file=sys.stderr)
     return report
 
 

@@ -1,14 +1,16 @@
 """`cmpc replay`: run a log again from itself, as it was or with a change."""
 
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from sim.commands.run import announce, check_new_log, default_log, print_summary
-from sim.errors import UserError
+from sim.commands.options import add_json, add_quiet
+from sim.commands.run import check_new_log, default_log, print_summary
 from sim.scenario import Scenario
 from sim.settings import flags
+from sim.terminal.console import note
 
 if TYPE_CHECKING:
     from sim.log.read import Log
@@ -30,20 +32,38 @@ exit code: 0 identical (or the changed run is done); 1 different; 2 bad input or
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc replay`; returns the exit code."""
-    argv = _plain_flags(argv)
-    found = _parser(Scenario(), argv).parse(argv)
-    if found.help or found.run is None:
-        _parser(Scenario(), argv).print_help()
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc replay`."""
+    parser = commands.add_parser(
+        "replay",
+        usage="cmpc replay RUN.mcap [options]",
+        description="Run a log again from its own scenario, models and gait.",
+        epilog=EPILOG,
+    )
+    parser.set_defaults(run=_run)
+    parser.add_argument("log_path", nargs="?", metavar="RUN.mcap", help="the log")
+    own = parser.add_argument_group("options")
+    own.add_argument("--log", metavar="PATH", help="where the changed run is logged (default: a new name in logs/)")
+    own.add_argument("--set", nargs=2, action="append", default=[], metavar=("PATH", "VALUE"), help="as --PATH VALUE")
+    add_json(own, "the summary of a changed run")
+    add_quiet(own)
+    flags.add_settings(parser, Scenario(), [*argv, *(f"--{word}" for word in argv)])  # --set has paths without --
+
+
+def _run(found: Namespace) -> int:
+    if found.log_path is None:
+        found.parser.print_help()
         return 0
     from sim.log.read import read_log
     from sim.log.read.attachments import scenario_of
     from sim.review.replay import version_changes
 
-    log = read_log(Path(found.run))
+    words = [[f"--{path.removeprefix('--')}", *value.replace(",", " ").split()] for path, value in found.set]
+    more = vars(found.parser.parse([word for line in words for word in line]))
+    vars(found).update({key: more[key] for key in more if key.startswith(flags.PREFIX) and more[key] is not None})
+    log = read_log(Path(found.log_path))
     before = scenario_of(log)
-    changed = flags.apply(before, _parser(before, argv).parse(argv))
+    changed = flags.apply(before, found)
     for line in version_changes(log):
         print(f"cmpc: warning: {line}", file=sys.stderr)
     if changed == before and found.log is None:
@@ -51,43 +71,12 @@ def main(argv: Sequence[str]) -> int:
     return _rerun(log, changed, Path(found.log) if found.log else None, quiet=found.quiet, json=found.json)
 
 
-def _plain_flags(argv: Sequence[str]) -> list[str]:
-    """`--set PATH VALUE` as `--PATH VALUE`."""
-    words, out = list(argv), []
-    while words:
-        word = words.pop(0)
-        if word != "--set":
-            out.append(word)
-            continue
-        if len(words) < 2:
-            raise UserError("--set takes PATH VALUE, such as --set plant.ground.friction 0.4")
-        out += [f"--{words.pop(0).removeprefix('--')}", *words.pop(0).replace(",", " ").split()]
-    return out
-
-
-def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
-    parser = flags.Parser(
-        prog="cmpc replay",
-        usage="cmpc replay RUN.mcap [options]",
-        description="Run a log again from its own scenario, models and gait.",
-        epilog=EPILOG,
-    )
-    parser.add_argument("run", nargs="?", metavar="RUN.mcap", help="the log")
-    own = parser.add_argument_group("options")
-    own.add_argument("-h", "--help", action="store_true", help="show the options")
-    own.add_argument("--log", metavar="PATH", help="where the changed run is logged (default: a new name in logs/)")
-    own.add_argument("--json", action="store_true", help="print the summary of a changed run as one JSON object")
-    own.add_argument("--quiet", action="store_true", help="show no progress bar")
-    flags.add_settings(parser, scenario, argv)
-    return parser
-
-
 def _replay(log: "Log", scenario: Scenario, *, quiet: bool) -> int:
     from sim.review.replay import replay
-    from sim.terminal.progress import progress_bar
+    from sim.terminal.progress import walking
 
-    with progress_bar(scenario.steps, quiet=quiet) as show:
-        verdict = replay(log, progress=show, announce=announce)
+    with walking(scenario.steps, quiet=quiet) as show:
+        verdict = replay(log, progress=show, announce=note)
     for line in _differences(verdict):
         print(line)
     if verdict.identical:
@@ -119,11 +108,11 @@ def _differences(verdict: "Verdict") -> list[str]:
 def _rerun(log: "Log", changed: Scenario, target: Path | None, *, quiet: bool, json: bool) -> int:
     from sim.review.replay import rerun
     from sim.terminal.interrupt import stop_on_signal
-    from sim.terminal.progress import progress_bar
+    from sim.terminal.progress import walking
 
     path = target or default_log(changed)
     check_new_log(path)
-    with stop_on_signal() as stop, progress_bar(changed.steps, quiet=quiet or json) as show:
-        summary = rerun(log, changed, path, progress=show, stop=stop, announce=announce)
+    with stop_on_signal() as stop, walking(changed.steps, quiet=quiet or json) as show:
+        summary = rerun(log, changed, path, progress=show, stop=stop, announce=note)
     print_summary(summary, changed, json=json)
     return 128 + stop.signum if stop.signum else 0

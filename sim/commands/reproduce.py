@@ -1,19 +1,20 @@
 """`cmpc reproduce`: the paper's figures and tables again, on both plants, with a verdict for each claim."""
 
-import difflib
 import importlib
-import os
 import sys
+from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sim.commands.options import add_quiet, add_workers
 from sim.errors import UserError
 from sim.reproduce import EXPERIMENTS
 from sim.scenario import Scenario
 from sim.settings import flags
-from sim.terminal.bar import cost_bar
+from sim.terminal import console
 from sim.terminal.interrupt import stop_on_signal
+from sim.terminal.progress import progress_bar
 
 OUT, OUT_QUICK = Path("logs/reproduce"), Path("logs/reproduce-quick")
 WIDTH = 200  # columns of a table that goes to a file
@@ -31,49 +32,39 @@ exit code: 0 done, whatever the verdicts; 2 bad input; 130 and 143 interrupted b
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc reproduce`; returns the exit code."""
-    parser = _parser(argv)
-    found = parser.parse(argv)
-    if found.help:
-        parser.print_help()
-        return 0
-    names = _names(found.experiments)
-    if found.workers < 1:
-        raise UserError(f"--workers {found.workers}: must be 1 or above [processes]")
-    changes = flags.changes(Scenario(), found)
-    out = Path(found.out) if found.out is not None else OUT_QUICK if found.quick else OUT
-    return _reproduce(names, out, changes, quick=found.quick, workers=found.workers, silent=found.quiet)
-
-
-def _parser(argv: Sequence[str]) -> flags.Parser:
-    parser = flags.Parser(
-        prog="cmpc reproduce",
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc reproduce`."""
+    parser = commands.add_parser(
+        "reproduce",
         usage="cmpc reproduce [all|EXPERIMENT ...] [options]",
         description="The paper's figures and tables again, on its own kind of plant and on MuJoCo.\n\nexperiments:\n"
         + "\n".join(f"  {name:<10}{title}" for name, title in EXPERIMENTS.items()),
         epilog=EPILOG,
     )
+    parser.set_defaults(run=_run)
     text = "what to reproduce (default: all)"
     parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help=text)
-    own = parser.add_argument_group("options")
-    own.add_argument("-h", "--help", action="store_true", help="show this help")
+    own = parser.add_argument_group("own options")
     own.add_argument("--quick", action="store_true", help="coarse versions, in about two minutes")
     text = f"folder for results (default: {OUT}, with --quick {OUT_QUICK})"
     own.add_argument("--out", metavar="FOLDER", help=text)
-    text = "worker processes (default: one for each core)"
-    own.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="INT", help=text)
-    own.add_argument("--quiet", action="store_true", help="show no progress")
+    add_workers(own)
+    add_quiet(own)
     flags.add_settings(parser, Scenario(), argv)
-    return parser
+
+
+def _run(found: Namespace) -> int:
+    names = _names(found.experiments)
+    changes = flags.changes(Scenario(), found)
+    out = Path(found.out) if found.out is not None else OUT_QUICK if found.quick else OUT
+    return _reproduce(names, out, changes, quick=found.quick, workers=found.workers, silent=found.quiet)
 
 
 def _names(given: Sequence[str]) -> list[str]:
     for name in given:
         if name != "all" and name not in EXPERIMENTS:
-            near = difflib.get_close_matches(name, EXPERIMENTS, n=1)
-            guess = f"; did you mean {near[0]}?" if near else ";"
-            raise UserError(f"no experiment {name!r}{guess} There are: all, {', '.join(EXPERIMENTS)}")
+            guess = flags.nearest(name, EXPERIMENTS)
+            raise UserError(f"no experiment {name!r}; {guess}There are: all, {', '.join(EXPERIMENTS)}")
     return [name for name in EXPERIMENTS if not given or "all" in given or name in given]
 
 
@@ -111,7 +102,7 @@ def _reproduce(
         done[name] = found
         report.write(name, found, out, quick=quick)
 
-    with stop_on_signal() as stop, cost_bar("reproducing", quiet=silent) as show:
+    with stop_on_signal() as stop, progress_bar("reproducing", quiet=silent) as show:
         try:
             tasks.run(everything, store, workers=workers, progress=show, finished=finished, stop=stop)
         except tasks.Stopped as reason:
@@ -129,13 +120,9 @@ def _reproduce(
 
 
 def _print_verdicts(found: Mapping[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(title_justify="left")
-    for header in ("experiment", "claim", "paper", "rigid plant", "MuJoCo", "holds"):
-        table.add_column(header, overflow="fold", no_wrap=header == "experiment")
+    table = console.table("experiment", "claim", "paper", "rigid plant", "MuJoCo", "holds")
     words = {True: ("yes", "green"), False: ("no", "red"), None: ("-", "dim")}
     for name, evaluation in found.items():
         for number, verdict in enumerate(evaluation.verdicts):
@@ -144,5 +131,4 @@ def _print_verdicts(found: Mapping[str, Any]) -> None:
             texts = [Text(finding.text, style="" if finding.holds else "red") for finding in findings]
             table.add_row(name if number == 0 else "", Text(verdict.claim), Text(verdict.paper), *texts, holds)
         table.add_section()
-    width = None if sys.stdout.isatty() else WIDTH
-    Console(file=sys.stdout, highlight=False, width=width).print(table)
+    console.show(table, WIDTH)

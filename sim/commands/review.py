@@ -1,11 +1,12 @@
 """`cmpc review`: one self-contained page from a log or two, or a layout for another viewer."""
 
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from sim.errors import UserError
-from sim.settings import flags
 
 VIEWERS = ("foxglove", "plotjuggler")
 EPILOG = """\
@@ -18,25 +19,26 @@ exit code: 0 done, 2 bad input
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc review`; returns the exit code."""
-    parser = flags.Parser(
-        prog="cmpc review",
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc review`."""
+    parser = commands.add_parser(
+        "review",
         usage="cmpc review RUN.mcap [B.mcap] [options]",
         description="Make one HTML page that shows a run, or two: it needs no network and can be sent by mail.",
         epilog=EPILOG,
     )
-    parser.add_argument("-h", "--help", action="store_true", help="show this")
+    parser.set_defaults(run=_run)
     parser.add_argument("paths", nargs="*", metavar="RUN.mcap", help="a log, or two; with --layout the file to write")
     parser.add_argument("--out", metavar="PATH", help="the page (default: beside the log, .html)")
     parser.add_argument("--layout", choices=VIEWERS, help="write this viewer's layout instead of a page")
     parser.add_argument("--open", action="store_const", const=True, default=None, help="open it in the browser")
-    parser.add_argument(
-        "--no-open", dest="open", action="store_const", const=False, help="do not (default: if on a terminal)"
-    )
-    found = parser.parse(argv)
-    if found.help or not found.paths:
-        parser.print_help()
+    text = "do not (default: if on a terminal)"
+    parser.add_argument("--no-open", dest="open", action="store_const", const=False, help=text)
+
+
+def _run(found: Namespace) -> int:
+    if not found.paths:
+        found.parser.print_help()
         return 0
     if found.layout:
         return _layout(found.layout, found.paths)

@@ -1,18 +1,21 @@
 """`cmpc run`: one scenario, its summary, its log."""
 
+import itertools
+import os
 import re
-import sys
 import tempfile
 from argparse import Namespace
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from sim.commands.options import add_json, add_quiet, add_scenario, show_help
 from sim.errors import UserError
 from sim.scenario import Scenario, load, shipped
 from sim.scenario.files import DEFAULT
 from sim.settings import flags
+from sim.terminal import console
 
 if TYPE_CHECKING:
     from sim.loop import RunSummary
@@ -34,15 +37,38 @@ exit code: 0 completed or fell, 1 error, 2 bad input, 130 and 143 interrupted by
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc run`; returns the exit code."""
-    found = _parser(Scenario(), argv).parse(argv)
+def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = None) -> None:
+    """Add the parser of `cmpc run`, whose help shows a scenario's values."""
+    parser, own = add_scenario(
+        commands,
+        "run",
+        argv,
+        scenario,
+        description="Run one scenario: a walker, a controller, a plant and what disturbs it.",
+        epilog=EPILOG,
+        default=DEFAULT,
+        text="a shipped scenario (see --list) or a scenario file",
+    )
+    parser.set_defaults(run=_run)
+    own.add_argument("--list", action="store_true", help="list the shipped scenarios")
+    where = own.add_mutually_exclusive_group()
+    where.add_argument(
+        "--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>-<process>.mcap)"
+    )
+    where.add_argument("--no-log", action="store_true", help="write no log")
+    own.add_argument("--from-trial", metavar="DIR#ID", help="run a trial of cmpc trials again, to the same end")
+    own.add_argument("--viewer", action="store_true", help="show the run in MuJoCo's window, no faster than real time")
+    add_json(own, "the summary")
+    add_quiet(own)
+
+
+def _run(found: Namespace) -> int:
     if found.list:
         _print_list()
         return 0
     scenario = _scenario(found)
     if found.help:
-        _parser(scenario, argv).print_help()
+        show_help(add_parser, found, scenario)
         return 0
     scenario = flags.apply(scenario, found)
     if found.no_log:
@@ -50,7 +76,7 @@ def main(argv: Sequence[str]) -> int:
     else:
         log = Path(found.log) if found.log is not None else default_log(scenario)
         check_new_log(log)
-    return _run(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
+    return _walk(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
 
 
 def _scenario(found: Namespace) -> Scenario:
@@ -64,47 +90,21 @@ def _scenario(found: Namespace) -> Scenario:
     return stored_scenario(found.from_trial)
 
 
-def _parser(scenario: Scenario, argv: Sequence[str]) -> flags.Parser:
-    parser = flags.Parser(
-        prog="cmpc run",
-        usage="cmpc run [NAME|FILE.toml] [options]",
-        description="Run one scenario: a walker, a controller, a plant and what disturbs it.",
-        epilog=EPILOG,
-    )
-    text = f"a shipped scenario (see --list) or a scenario file (default: {DEFAULT})"
-    parser.add_argument("scenario", nargs="?", metavar="NAME|FILE.toml", help=text)
-    own = parser.add_argument_group("options")
-    own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
-    own.add_argument("--list", action="store_true", help="list the shipped scenarios")
-    where = own.add_mutually_exclusive_group()
-    where.add_argument("--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>.mcap)")
-    where.add_argument("--no-log", action="store_true", help="write no log")
-    own.add_argument("--from-trial", metavar="DIR#ID", help="run a trial of cmpc trials again, to the same end")
-    own.add_argument("--viewer", action="store_true", help="show the run in MuJoCo's window, no faster than real time")
-    own.add_argument("--json", action="store_true", help="print the summary as one JSON object, and no bar")
-    own.add_argument("--quiet", action="store_true", help="show no progress bar")
-    flags.add_settings(parser, scenario, argv)
-    return parser
-
-
 def _print_list() -> None:
     for name, description in shipped().items():
         print(f"{name:<16}{description}{' (default)' if name == DEFAULT else ''}")
 
 
 def default_log(scenario: Scenario) -> Path:
-    """A new name in logs/, which is made when missing."""
+    """A new name in logs/, which is made when missing: the start in UTC and the process tell two runs apart."""
     try:
         LOGS.mkdir(exist_ok=True)
     except OSError as error:
         raise UserError(f"{LOGS.absolute()}: cannot make the folder for logs: {error.strerror}") from error
     name = re.sub(r"[^\w.-]+", "-", scenario.name).strip(".-") or "run"
-    stem = f"{name}-{scenario.controller.kind}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
-    path, number = LOGS / f"{stem}.mcap", 1
-    while path.exists():
-        number += 1
-        path = LOGS / f"{stem}-{number}.mcap"
-    return path
+    stem = f"{name}-{scenario.controller.kind}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{os.getpid()}"
+    names = (LOGS / f"{stem}{'-' * (n > 1)}{n if n > 1 else ''}.mcap" for n in itertools.count(1))
+    return next(path for path in names if not path.exists())
 
 
 def check_new_log(path: Path) -> None:
@@ -120,23 +120,18 @@ def check_new_log(path: Path) -> None:
         raise UserError(f"--log {path}: cannot be written: {error.strerror}") from error
 
 
-def _run(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
+def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
     from sim.bridge.run import run_scenario
     from sim.loop import Outcome
     from sim.terminal.interrupt import stop_on_signal
-    from sim.terminal.progress import progress_bar
+    from sim.terminal.progress import walking
 
-    with stop_on_signal() as stop, progress_bar(scenario.steps, quiet=quiet or json) as show:
-        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=announce, view=view)
+    with stop_on_signal() as stop, walking(scenario.steps, quiet=quiet or json) as show:
+        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=console.note, view=view)
     print_summary(summary, scenario, json=json)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
-
-
-def announce(line: str) -> None:
-    """Print a line for the user before something long."""
-    print(line, file=sys.stderr, flush=True)
 
 
 def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool) -> None:
@@ -146,7 +141,4 @@ def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool) -> N
     if json:
         print(as_json(summary), flush=True)
         return
-    from rich.console import Console
-
-    width = None if sys.stdout.isatty() else WIDTH
-    Console(file=sys.stdout, highlight=False, width=width).print(as_table(summary, scenario))
+    console.show(as_table(summary, scenario), WIDTH)

@@ -1,18 +1,21 @@
 """`cmpc trials`: run a plan of many trials, look at one of them, rebuild the pages, measure."""
 
-import difflib
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from sim.commands.options import add_json, add_quiet
 from sim.errors import UserError
 from sim.settings import flags
+from sim.terminal.console import note
 
 if TYPE_CHECKING:
+    from sim.terminal.progress import Update
     from sim.trials.run import Results
+    from sim.trials.run.campaign import Progress, Report
 
 LEAST_TRIALS = 4  # of a benchmark
 EPILOG = """\
@@ -29,42 +32,29 @@ exit code: 0 complete, 2 bad input, 130 and 143 interrupted by Ctrl-C and SIGTER
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc trials`; returns the exit code."""
-    others = {"show": _show, "report": _report, "bench": _bench}
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc trials`: of a plan, or of one of the words that are no plan."""
+    others = {"show": _add_show, "report": _add_report, "bench": _add_bench}
     if argv and argv[0] in others:
-        return others[argv[0]](argv[1:])
-    parser = _parser()
-    found = parser.parse(argv)
-    if found.help:
-        parser.print_help()
-        return 0
-    if found.list:
-        _print_list()
-        return 0
-    if found.plan is None or found.out is None:
-        raise UserError("cmpc trials needs a plan and --out DIR; see cmpc trials --help, or --list for plans")
-    return _run(found)
-
-
-def _parser() -> flags.Parser:
-    parser = flags.Parser(
-        prog="cmpc trials",
+        actions = commands.add_parser("trials").add_subparsers()
+        others[argv[0]](actions.add_parser(argv[0]))
+        return
+    parser = commands.add_parser(
+        "trials",
         usage="cmpc trials PLAN|FILE.toml --out DIR [options]",
         description="Run the trials of a plan and leave a database, a table, plots and a page in DIR.",
         epilog=EPILOG,
     )
+    parser.set_defaults(run=_run)
     parser.add_argument("plan", nargs="?", metavar="PLAN|FILE.toml", help="a shipped plan or a plan file")
-    own = parser.add_argument_group("options")
-    own.add_argument("-h", "--help", action="store_true", help="show the options")
-    own.add_argument("--list", action="store_true", help="list the shipped plans")
-    own.add_argument("--controllers", metavar="LIST", help="instead of the plan's: kinds with commas between, or all")
-    own.add_argument("--out", metavar="DIR", help="folder of the results, made if missing")
-    own.add_argument("--workers", type=int, metavar="INT", help="processes on this machine (default: one a core)")
-    own.add_argument("--cluster", metavar="tcp://HOST:PORT", help="run on the Dask cluster of this scheduler")
-    own.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
-    own.add_argument("--quiet", action="store_true", help="show no progress")
-    return parser
+    parser.add_argument("--list", action="store_true", help="list the shipped plans")
+    parser.add_argument("--controllers", metavar="LIST", help="not the plan's: kinds with commas between, or all")
+    parser.add_argument("--out", metavar="DIR", help="folder of the results, made if missing")
+    text = "processes on this machine (default: one a core)"
+    parser.add_argument("--workers", type=flags.whole(1), metavar="INT", help=text)
+    parser.add_argument("--cluster", metavar="tcp://HOST:PORT", help="run on the Dask cluster of this scheduler")
+    parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
+    add_quiet(parser)
 
 
 def _print_list() -> None:
@@ -76,10 +66,15 @@ def _print_list() -> None:
 
 
 def _run(found: Namespace) -> int:
+    if found.list:
+        _print_list()
+        return 0
+    if found.plan is None or found.out is None:
+        raise UserError("cmpc trials needs a plan and --out DIR; see cmpc trials --help, or --list for plans")
     from sim.terminal.interrupt import stop_on_signal
+    from sim.terminal.progress import progress_bar
     from sim.trials.plan import load_plan
     from sim.trials.run import run_plan
-    from sim.trials.run.progress import show_progress
 
     if found.workers is not None and found.cluster is not None:
         raise UserError("--workers and --cluster: must be one of them; a cluster brings its own workers")
@@ -92,14 +87,14 @@ def _run(found: Namespace) -> int:
 
         client = connect(found.cluster)
     try:
-        with stop_on_signal() as stop, show_progress(plan.name, quiet=found.quiet) as report:
+        with stop_on_signal() as stop, progress_bar(plan.name, "trials", quiet=found.quiet) as update:
             results = run_plan(
                 plan,
                 out,
                 workers=found.workers,
                 client=client,
                 restart=found.restart,
-                report=report,
+                report=_reporter(update) if update else None,
                 stop=stop,
             )
     finally:
@@ -112,6 +107,14 @@ def _run(found: Namespace) -> int:
     _finish(results, out)
     results.store.close()
     return 0
+
+
+def _reporter(update: "Update") -> "Report":
+    def report(progress: "Progress") -> None:
+        survived = ", ".join(f"{name} {ok}/{done}" for name, (ok, done) in sorted(progress.survived.items()))
+        update(progress.done, progress.known, f"survived: {survived}")
+
+    return report
 
 
 def _kinds(text: str) -> tuple[str, ...]:
@@ -127,9 +130,10 @@ def _kinds(text: str) -> tuple[str, ...]:
     kinds = legal if text == "all" else tuple(word.strip() for word in text.split(","))
     for kind in kinds:
         if kind not in legal:
-            near = difflib.get_close_matches(kind, legal, n=1)
-            guess = f"did you mean {near[0]}? Legal" if near else "legal"
-            raise UserError(f"--controllers {text}: no controller {kind!r}; {guess}: all, or of {', '.join(legal)}")
+            guess = flags.nearest(kind, legal)
+            raise UserError(
+                f"--controllers {text}: no controller {kind!r}; {guess}must be all, or of {', '.join(legal)}"
+            )
         if kinds.count(kind) > 1:
             raise UserError(f"--controllers {text}: {kind} is given twice; must be once each")
     return tuple(kinds)
@@ -144,27 +148,20 @@ def _finish(results: "Results", out: Path) -> None:
     print(f"page: {page}")
 
 
-def _sub_parser(name: str, usage: str) -> flags.Parser:
-    parser = flags.Parser(prog=f"cmpc trials {name}", usage=f"cmpc trials {name} {usage}")
-    # argparse's own action, which prints and leaves before it asks for what is missing
-    parser.add_argument("-h", "--help", action="help", help="show this")
-    return parser
-
-
-def _bench(argv: Sequence[str]) -> int:
-    parser = _sub_parser("bench", "[options]")
+def _add_bench(parser: flags.Parser) -> None:
+    parser.set_defaults(run=_bench)
     parser.add_argument("--controllers", metavar="LIST", default="c-mpc,zd-pd", help="kinds with commas, or all")
-    parser.add_argument("--trials", type=int, metavar="INT", default=40, help="trials for each figure")
-    parser.add_argument("--json", action="store_true", help="print the figures as one JSON object")
-    found = parser.parse(argv)
-    if found.trials < LEAST_TRIALS:
-        raise UserError(f"--trials = {found.trials}: must be {LEAST_TRIALS} or above")
+    text = "trials for each figure (default: 40)"
+    parser.add_argument("--trials", type=flags.whole(LEAST_TRIALS), metavar="INT", default=40, help=text)
+    add_json(parser, "the figures")
 
+
+def _bench(found: Namespace) -> int:
     from sim.bench.trials import benchmark
     from sim.commands.bench import show
 
     kinds = _kinds(found.controllers)
-    show(benchmark(kinds, found.trials, lambda line: print(line, file=sys.stderr, flush=True)), as_json=found.json)
+    show(benchmark(kinds, found.trials, note), as_json=found.json)
     return 0
 
 
@@ -176,20 +173,23 @@ def _open(folder: str) -> "Results":
     return Results(plan=plan, store=store)
 
 
-def _report(argv: Sequence[str]) -> int:
-    parser = _sub_parser("report", "DIR")
+def _add_report(parser: flags.Parser) -> None:
+    parser.set_defaults(run=_report)
     parser.add_argument("folder", metavar="DIR")
-    folder = parser.parse(argv).folder
-    _finish(_open(folder), Path(folder))
+
+
+def _report(found: Namespace) -> int:
+    _finish(_open(found.folder), Path(found.folder))
     return 0
 
 
-def _show(argv: Sequence[str]) -> int:
-    parser = _sub_parser("show", "DIR --trial ID")
+def _add_show(parser: flags.Parser) -> None:
+    parser.set_defaults(run=_show)
     parser.add_argument("folder", metavar="DIR")
     parser.add_argument("--trial", metavar="CONTROLLER/NUMBER", required=True)
-    found = parser.parse(argv)
 
+
+def _show(found: Namespace) -> int:
     from sim.trials.report.summary import describe
     from sim.trials.run.recall import stored_trial
 

@@ -1,10 +1,11 @@
 """`cmpc video`: a film or a picture of a run, without a display."""
 
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from sim.errors import UserError
-from sim.settings import flags
 
 EPILOG = """\
   cmpc video RUN.mcap walk.mp4
@@ -18,25 +19,27 @@ exit code: 0 done, 2 bad input or something is missing
 """
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc video`; returns the exit code."""
-    parser = flags.Parser(
-        prog="cmpc video",
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc video`."""
+    parser = commands.add_parser(
+        "video",
         usage="cmpc video RUN.mcap OUT.mp4|.gif|.png [options]",
         description="Draw a run with the plant's own model; the camera follows the walker.",
         epilog=EPILOG,
     )
-    parser.add_argument("-h", "--help", action="store_true", help="show this")
-    parser.add_argument("run", nargs="?", metavar="RUN.mcap", help="the log")
+    parser.set_defaults(run=_run)
+    parser.add_argument("log", nargs="?", metavar="RUN.mcap", help="the log")
     parser.add_argument("out", nargs="?", metavar="OUT", help="the film (.mp4, .gif) or picture (.png)")
     parser.add_argument("--start", type=float, default=0.0, metavar="s", help="first moment (default: 0)")
     parser.add_argument("--end", type=float, metavar="s", help="last moment (default: the end of the run)")
     parser.add_argument("--speed", type=float, default=1.0, metavar="ratio", help="speed of the film (default: 1)")
     parser.add_argument("--fps", type=float, default=30.0, metavar="1/s", help="pictures a second (default: 30)")
     parser.add_argument("--size", type=int, nargs=2, default=(1280, 720), metavar="pixel", help="width and height")
-    found = parser.parse(argv)
-    if found.help or found.run is None:
-        parser.print_help()
+
+
+def _run(found: Namespace) -> int:
+    if found.log is None:
+        found.parser.print_help()
         return 0
     if found.out is None:
         raise UserError("cmpc video takes RUN.mcap and the file to write, .mp4, .gif or .png")
@@ -46,7 +49,7 @@ def main(argv: Sequence[str]) -> int:
     target = Path(found.out)
     width, height = found.size
     count = film(
-        read_log(Path(found.run)),
+        read_log(Path(found.log)),
         target,
         fps=found.fps,
         size=(width, height),

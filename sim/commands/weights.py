@@ -1,16 +1,16 @@
 """`cmpc weights`: search for the weights and the horizon of C-MPC."""
 
 import json
-import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from sim.errors import UserError
+from sim.commands.options import add_out
 from sim.settings import flags
+from sim.terminal.console import note
 
-HELP = """\
-usage: cmpc weights search --out FILE.toml [options]
-
+SEARCH = """\
 Weights and horizon of C-MPC that survive most: the score is the mean share of steps completed over random trials in
 MuJoCo, the same for every candidate. The result is a scenario (cmpc run FILE.toml) with the evidence in its comments,
 on the draws of the search and on others held out; FILE.jsonl beside it holds every evaluation, and the same command
@@ -20,39 +20,24 @@ goes on from there. For the gains of ZD+PD: cmpc gains search.
 EVALUATIONS, HELD_OUT = 46, 5
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run `cmpc weights`; returns the exit code."""
-    if not argv or argv[0] in ("-h", "--help"):
-        print(HELP, end="")
-        return 0
-    if argv[0] != "search":
-        raise UserError(f"cmpc weights {argv[0]}: unknown; legal: search")
-    parser = flags.Parser(prog="cmpc weights search", description="Search weights and horizon; seeded and resumable.")
-    parser.add_argument("-h", "--help", action="help", help="show this")
-    parser.add_argument(
-        "--plan", default="weights", metavar="NAME|FILE.toml", help="its Monte-Carlo studies are the trials"
-    )
-    parser.add_argument(
-        "--scenario", metavar="NAME|FILE.toml", help="walker, gait and controller to start from, not the plan's"
-    )
-    parser.add_argument("--evaluations", type=int, default=EVALUATIONS, metavar="INT", help=f"(default: {EVALUATIONS})")
-    parser.add_argument("--seed", type=int, default=0, metavar="INT", help="of the optimiser (default: 0)")
-    parser.add_argument(
-        "--held-out", type=int, default=HELD_OUT, metavar="INT", help=f"times the draws to judge by ({HELD_OUT})"
-    )
-    parser.add_argument("--workers", type=int, metavar="INT", help="processes (default: one a core)")
-    parser.add_argument("--out", required=True, metavar="FILE.toml", help="the result")
-    parser.add_argument("--json", action="store_true", help="print the result as one JSON object")
-    found = parser.parse(argv[1:])
-    for flag, value, least in (
-        ("--evaluations", found.evaluations, 1),
-        ("--held-out", found.held_out, 1),
-        ("--workers", found.workers, 1),
-        ("--seed", found.seed, 0),
-    ):
-        if value is not None and value < least:
-            raise UserError(f"{flag} {value}; legal: {least} or above")
+def add_parser(commands: Any, argv: Sequence[str]) -> None:
+    """Add the parser of `cmpc weights`."""
+    parser = commands.add_parser("weights", description="Weights and horizon of C-MPC.")
+    search = parser.add_subparsers(metavar="COMMAND").add_parser("search", help="search them", description=SEARCH)
+    search.set_defaults(run=_search)
+    text = "its Monte-Carlo studies are the trials (default: weights)"
+    search.add_argument("--plan", default="weights", metavar="NAME|FILE.toml", help=text)
+    text = "walker, gait and controller to start from, not the plan's"
+    search.add_argument("--scenario", metavar="NAME|FILE.toml", help=text)
+    text = f"in all (default: {EVALUATIONS})"
+    search.add_argument("--evaluations", type=flags.whole(1), default=EVALUATIONS, metavar="INT", help=text)
+    text = f"times the draws to judge by (default: {HELD_OUT})"
+    search.add_argument("--held-out", type=flags.whole(1), default=HELD_OUT, metavar="INT", help=text)
+    search.add_argument("--workers", type=flags.whole(1), metavar="INT", help="processes (default: one a core)")
+    add_out(search)
 
+
+def _search(found: Namespace) -> int:
     from sim.trials.plan import load_plan
     from sim.trials.run.campaign import cores
     from sim.trials.weights import search_weights, start_from
@@ -65,7 +50,7 @@ def main(argv: Sequence[str]) -> int:
         held_out=found.held_out,
         workers=found.workers or cores(),
         out=Path(found.out),
-        say=lambda line: print(line, file=sys.stderr, flush=True),
+        say=note,
     )
     if found.json:
         print(json.dumps(result))

@@ -4,7 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated
 
-from controller.units import (
+from sim.settings.units import (
     NOT_NEGATIVE,
     Metre,
     PositiveRatio,

@@ -7,8 +7,9 @@ are numbered from 0; a number one past the last adds a push.
 import argparse
 import difflib
 import itertools
+import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import MISSING
 from typing import Any, NoReturn, TypeVar
 
@@ -23,18 +24,30 @@ PREFIX = "setting:"  # marks settings among the attributes of a parsed command l
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaints are `UserError`s and which takes -1e-3 for a number."""
+    """An argument parser whose complaints are `UserError`s and which takes -1e-3 for a number.
+
+    What it parses has the parser that was chosen last, a sub-command's, as `parser`.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
-        formatter = argparse.RawDescriptionHelpFormatter
-        super().__init__(allow_abbrev=False, add_help=False, formatter_class=formatter, **kwargs)
+        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
         self._negative_number_matcher = re.compile(r"^-(\d|\.\d|inf|nan)")
+        self.set_defaults(parser=self)
 
     def error(self, message: str) -> NoReturn:
         """Complain in one line, with the unit or the words the option takes."""
-        option = re.match(r"argument ([^\s,/:]+)", message)
+        option = re.match(r"argument ([^\s,/:]+)[^:]*:? ", message)
         action = self._option_string_actions.get(option[1]) if option else None
-        raise UserError(f"{message} [{action.metavar}]" if action and action.metavar else message)
+        if option:
+            message = f"{option[1]} {message[option.end() :]}"
+        unit = action.metavar if action else ""
+        raise UserError(f"{message} [{' '.join(unit) if isinstance(unit, tuple) else unit}]" if unit else message)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is None or value in action.choices:
+            return
+        what = f"{'/'.join(action.option_strings)} {value}" if action.option_strings else f"{self.prog} {value}"
+        raise UserError(f"{what}: unknown; {nearest(str(value), action.choices)}must be {_listed(action.choices)}")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
         """Parse a whole command line; - and _ in the names of flags are the same.
@@ -44,11 +57,48 @@ class Parser(argparse.ArgumentParser):
         """
         found, unknown = self.parse_known_args([_hyphenated(word) for word in argv])
         for word in unknown:
-            known = list(self._option_string_actions)
-            near = difflib.get_close_matches(word.partition("=")[0], known, n=1)
-            guess = f"did you mean {near[0]}?" if near else f"see {self.prog} --help"
-            raise UserError(f"unknown {'option' if word.startswith('-') else 'argument'} {word}; {guess}")
+            near = nearest(word.partition("=")[0], found.parser._option_string_actions).rstrip(" ")
+            kind = "option" if word.startswith("-") else "argument"
+            raise UserError(f"unknown {kind} {word}; {near or f'see {found.parser.prog} --help'}")
         return found
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The question "did you mean ...? ", empty where nothing known is like the word."""
+    near = difflib.get_close_matches(word, list(known), n=1)
+    return f"did you mean {near[0]}? " if near else ""
+
+
+def _listed(words: Iterable[Any]) -> str:
+    *first, last = map(str, words)
+    return f"{', '.join(first)} or {last}" if first else last
+
+
+def whole(least: int) -> Callable[[str], int]:
+    """Type of an option that takes a whole number, `least` or above."""
+
+    def read(text: str) -> int:
+        if not re.fullmatch(r"[+-]?\d{1,18}", text) or int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text}: must be {least} or above, a whole number")
+        return int(text)
+
+    return read
+
+
+def real(above: float = -math.inf, most: float = math.inf) -> Callable[[str], float]:
+    """Type of an option that takes a finite number above one bound and at or below another."""
+    bounds = [f"above {above:g}"] * math.isfinite(above) + [f"at most {most:g}"] * math.isfinite(most)
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or not above < value <= most:
+            raise argparse.ArgumentTypeError(f"{text}: must be a finite number {' and '.join(bounds)}".rstrip())
+        return value
+
+    return read
 
 
 def _hyphenated(word: str) -> str:

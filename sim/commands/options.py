@@ -1,0 +1,99 @@
+"""Options that several commands share."""
+
+import argparse
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from sim.scenario import Scenario, load
+from sim.settings import flags
+
+
+def add_out(parser: argparse.ArgumentParser) -> None:
+    """The options of a search: where its result goes, and in which form it is printed."""
+    parser.add_argument("--seed", type=flags.whole(0), default=0, metavar="INT", help="of the optimiser (default: 0)")
+    parser.add_argument("--out", required=True, metavar="FILE.toml", help="the result")
+    add_json(parser)
+
+
+def add_json(parser: Any, what: str = "the result") -> None:
+    """`--json`."""
+    parser.add_argument("--json", action="store_true", help=f"print {what} as one JSON object")
+
+
+def add_quiet(parser: Any) -> None:
+    """`--quiet`."""
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def add_workers(parser: Any) -> None:
+    """`--workers`."""
+    text = "worker processes (default: one for each core)"
+    parser.add_argument("--workers", type=flags.whole(1), default=os.cpu_count() or 1, metavar="INT", help=text)
+
+
+def add_scenario(
+    commands: Any,
+    name: str,
+    argv: Sequence[str],
+    scenario: Scenario | None,
+    *,
+    description: str,
+    epilog: str,
+    default: str | None,
+    text: str = "a shipped scenario (cmpc run --list) or a scenario file",
+) -> tuple[flags.Parser, Any]:
+    """A parser of a command that takes a scenario and every setting of it.
+
+    Args:
+        commands: Where the command goes.
+        name: Its name.
+        argv: Its words, which tell how many pushes they number.
+        scenario: Whose values the help shows; None for the defaults.
+        description: What the command does.
+        epilog: Below the options.
+        default: The scenario if none is named.
+        text: What the scenario may be.
+
+    Returns:
+        The parser and its group of options that are no settings.
+    """
+    parser = commands.add_parser(
+        name,
+        usage=f"cmpc {name} [NAME|FILE.toml] [options]",
+        description=description,
+        epilog=epilog,
+        add_help=False,
+    )
+    parser.add_argument("scenario", nargs="?", metavar="NAME|FILE.toml", help=f"{text} (default: {default})")
+    own = parser.add_argument_group("options")
+    own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
+    flags.add_settings(parser, scenario or Scenario(), argv)
+    parser.set_defaults(argv=argv)
+    return parser, own
+
+
+def show_help(add_parser: Callable[..., None], found: argparse.Namespace, scenario: Scenario) -> None:
+    """Print a command's help with the values of a scenario.
+
+    Args:
+        add_parser: Adds the command's parser for `(commands, argv, scenario)`.
+        found: What was parsed.
+        scenario: Whose values are shown.
+    """
+    commands = flags.Parser(prog="cmpc").add_subparsers(prog="cmpc")
+    add_parser(commands, found.argv, scenario)
+    next(iter(commands.choices.values())).print_help()
+
+
+def scenario_of(found: argparse.Namespace, default: str, add_parser: Callable[..., None]) -> Scenario | None:
+    """The scenario that the command line names with its flags applied, None if only help was asked for.
+
+    Raises:
+        UserError: the scenario, or a flag, is not legal.
+    """
+    scenario = load(found.scenario or default)
+    if found.help:
+        show_help(add_parser, found, scenario)
+        return None
+    return flags.apply(scenario, found)
