@@ -7,8 +7,8 @@ BIN := .venv/bin
 STAMP := .venv/installed
 
 # The first supported interpreter that really starts and can make environments: a shim may exist and fail.
-PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
-	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' \
+PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3.14 python3; do \
+	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 15))' \
 	>/dev/null 2>&1 && echo $$python && break; done)
 
 run: $(STAMP)  ## walk: the default scenario, or ARGS="undisturbed --steps 5"
@@ -44,7 +44,7 @@ help:  ## show this
 $(STAMP): pyproject.toml constraints.txt
 	@$(BIN)/python -c '' 2>/dev/null || { \
 		test -n "$(PYTHON)" || { \
-			echo "make: no usable Python: need 3.11, 3.12 or 3.13 with venv (on Debian: python3-venv);" \
+			echo "make: no usable Python: need 3.11 to 3.14 with venv (on Debian: python3-venv);" \
 				"give one with PYTHON=/path/to/python3" >&2; exit 1; }; \
 		echo "Making .venv with $$($(PYTHON) --version); this takes a few minutes, once."; \
 		$(PYTHON) -m venv --clear .venv; }

@@ -10,8 +10,8 @@ import pytest
 from conftest import RABBIT
 from fakes import control_step
 
+from controller import laws
 from controller.belief import WalkerModel, load_gait
-from sim.bridge import controllers as compose_controllers
 from sim.bridge import run as compose
 from sim.interface import COORDINATES
 from sim.log.read import read_log
@@ -169,7 +169,7 @@ def test_a_solver_that_never_answers_walks_on_zd_pd_and_is_counted(tmp_path, mon
         def solve(self, problem):
             return failed(SHORT.controller.horizon, "no-solution")
 
-    monkeypatch.setattr(compose_controllers, "make_solver", lambda *args: Mute())
+    monkeypatch.setattr(laws, "make_solver", lambda *args: Mute())
     calm = dataclasses.replace(SHORT, pushes=(), steps=1)
     summary = run(calm, tmp_path / "x.mcap")
     log = read_log(tmp_path / "x.mcap")

@@ -9,16 +9,17 @@ from hypothesis import strategies as st
 
 from controller.design.orbit import periodic_orbit
 from controller.errors import UserError
-from controller.fitting.controller import FittingRule, GaitFitting
+from controller.fitting.controller import GaitFitting
 from controller.fitting.family import GaitFamily
 from controller.fitting.library import GaitLibrary
 from controller.records import Leg, StanceState
+from controller.settings import FittingSettings
 from sim.bridge import run as compose
 from sim.log.read import read_log
 from sim.loop import NoTape
 from sim.scenario import Push, Scenario, with_values
 
-RULE = FittingRule(share=-1.0, slower=0.25, faster=0.1, hysteresis=0.02, most=0.3)
+RULE = FittingSettings(share=-1.0, slower=0.25, faster=0.1, hysteresis=0.02, most=0.3)
 FITTING = {"controller.gait_fitting.enabled": True}
 ZD_PD = {"controller.kind": "zd-pd"}
 KINDS = ("zd-pd", "c-mpc", "c-mpc-ltv", "clf-qp", "output-mpc")

@@ -111,3 +111,25 @@ def test_a_foot_that_scuffs_just_ahead_is_no_step_until_it_lands(judge):
     assert judge.touch_down(landed(0.3, np.array([[0.0, 0.0], [judge.criteria.step_length / 10, 0.0]]))) is None
     assert judge.stance == 0 and judge.last_impact == 0.0
     assert judge.touch_down(landed(0.5)).duration == pytest.approx(0.5)
+
+
+def in_the_ground(t, depth, *, ahead=-0.1):
+    foot = np.array([[0.0, 0.0], [ahead, -depth]])
+    return plant_state(t=t, foot=foot, clearance=np.array([0.0, -depth]))
+
+
+def test_a_scuff_is_the_swing_foot_below_the_ground_once_the_landing_is_over(judge):
+    assert judge.scuff(in_the_ground(SETTLING / 2, 5e-4)) == ""
+    assert "below the ground" in judge.scuff(in_the_ground(0.1, 1e-3))
+    assert judge.scuff(in_the_ground(0.101, 3e-3, ahead=0.02)) == ""
+    assert "3.00 mm deep, 2 ticks" in judge.scuff(plant_state(t=0.102))
+    assert (judge.scuffing.depth, judge.scuffing.ticks, judge.scuffing.ahead) == (3e-3, 2, 1)
+    assert judge.fall(in_the_ground(0.101, 3e-3))[0] is FallReason.NONE
+
+
+def test_a_scuff_deeper_than_the_rule_is_a_fall_where_asked_for():
+    judge = Judge("left", FallCriteria.of_leg(0.8, trips=True))
+    for depth, reason in ((0.9e-3, FallReason.NONE), (1.1e-3, FallReason.TRIPPED)):
+        state = in_the_ground(0.1, depth)
+        judge.scuff(state)
+        assert judge.fall(state)[0] is reason

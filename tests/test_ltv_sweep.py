@@ -3,23 +3,22 @@
 import numpy as np
 import pytest
 
-from controller.cmpc.cascade import Friction
-from controller.ltv.cascade import LtvWeights
-from controller.ltv.cost import ROWS, new_problem, objective
+from controller.ltv.cost import ROWS, new_problem, objective, off_the_orbit
 from controller.ltv.cost import model as quadratic
 from controller.ltv.horizon import look_ahead, new_horizon
 from controller.ltv.landing import Ground
 from controller.ltv.orbit import find_orbit
 from controller.ltv.problem import AT_LOWER, AT_UPPER, FREE, N_Z, new_state, residuals
 from controller.ltv.sweep import solve
+from controller.settings import LtvSettings
 
 N = 8
 
 
 @pytest.fixture
 def weights():
-    return LtvWeights(
-        output=1e5, output_calm=1e6, calm=0.02, output_rate=1e3, clock_rate=3e4, torque=1.0, last=10.0,
+    return LtvSettings(
+        stages=24, output=1e5, output_calm=1e6, calm=0.02, output_rate=1e3, clock_rate=3e4, torque=1.0, last=10.0,
         torque_penalty=1e3,
     )  # fmt: skip
 
@@ -99,12 +98,12 @@ def test_a_confirmed_guess_takes_one_sweep():
 
 def test_the_problem_is_the_objectives_model(model, gait, gains, weights):
     """Slope of the true objective along any direction, softened force rows included."""
-    stages, h, substeps, level, unlimited = 24, 2.5e-3, 2, Ground(0.0, 0.0), np.full(4, np.inf)
+    stages, h, substeps, level, unlimited = weights.stages, 2.5e-3, 2, Ground(0.0, 0.0), np.full(4, np.inf)
     rng = np.random.default_rng(1)
     plan = rng.normal(0.0, 30.0, (stages, 4))
     q, dq = gait.post_impact(model)
     q, dq = q + 0.03, dq + 0.3
-    cost = weights.over(stages, np.full(4, 1e3), Friction(mu=0.3, normal_min=200.0, penalty=100.0))
+    cost = off_the_orbit(weights, np.full(4, 1e3), (0.3, 200.0))
     orbit = find_orbit(model, gait)
     horizon, p = new_horizon(stages), new_problem(stages)
 

@@ -7,13 +7,16 @@ from scipy.linalg import expm, solve_discrete_are
 
 from controller.rivals.output_dynamics import output_dynamics
 from controller.rivals.output_mpc import DoubleIntegrator, OutputMpc
+from controller.settings import OutputMpcSettings
 
 OUTPUT, OUTPUT_RATE, T, PERIOD = 8100.0, 220.0, 5e-3, 1e-3
 LIMIT, WIDE = np.array([40.0, 40.0, 15.0, 15.0]), np.full(4, 1e6)  # [N.m]
 
 
 def law(N, limit=LIMIT):
-    return OutputMpc(N=N, T=T, output=OUTPUT, output_rate=OUTPUT_RATE, limit=limit, period=PERIOD)
+    return OutputMpc(
+        OutputMpcSettings(stages=N, stage_time=T, output=OUTPUT, output_rate=OUTPUT_RATE), limit=limit, period=PERIOD
+    )
 
 
 @pytest.fixture(scope="module")

@@ -299,3 +299,20 @@ def test_a_state_that_explodes_is_reported() -> None:
     with np.errstate(all="ignore"), pytest.raises(PlantDiverged, match="diverged"):
         for _ in range(200):
             plant.hold(np.array([1e9, -1e9, 1e9, -1e9]))
+
+
+@pytest.mark.parametrize(
+    ("force", "depth", "ticks"), [(20.0, 0.0, 0), (22.5, 0.9e-3, 39), (25.0, 9.6e-3, 114), (35.0, 22.1e-3, 286)]
+)
+def test_zd_pd_walks_through_the_ground_from_22_newtons_on(force: float, depth: float, ticks: int) -> None:
+    from sim.bridge.run import run_scenario
+    from sim.scenario import Scenario, with_values
+
+    changes = {"plant.kind": "rigid", "plant.timestep": 1e-3, "controller.kind": "zd-pd", "steps": 4}
+    pushed = with_values(Scenario(), {**changes, "pushes.0.force": force, "pushes.0.step": 1})
+    found = run_scenario(pushed)
+    assert found.outcome == "completed"
+    assert found.scuff_depth_m == pytest.approx(depth, abs=1e-4)
+    assert found.scuff_time_s == pytest.approx(ticks * PERIOD, abs=3 * PERIOD)
+    tripped = run_scenario(with_values(pushed, {"plant.scuff": "trip"}))
+    assert (tripped.outcome == "fell") == (depth > 1e-3)

@@ -10,6 +10,7 @@ from controller.compiled import compiled
 from controller.qp import Solver, StageQP
 from controller.qp.problem import ROWS, failed
 from controller.records import ControlStep, Observation, Status, Vector
+from controller.settings import WeightSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,6 +31,14 @@ class Weights:
     def of_paper(cls, gains: kernels.Gains, T: float) -> "Weights":
         """Q = diag(2 K_P / T^2, K_D / T) and R = I, Sec. III.E."""
         return cls(Q_position=2.0 * gains.kp / T**2, Q_velocity=gains.kd / T, R=np.ones(4))
+
+    def times(self, factors: WeightSettings) -> "Weights":
+        """These weights with the factors of a scenario on them."""
+        return Weights(
+            Q_position=np.array(factors.output) * self.Q_position,
+            Q_velocity=np.array(factors.output_rate) * self.Q_velocity,
+            R=np.array(factors.torque) * self.R,
+        )
 
 
 PENALTY = 1e5  # [1/N^2] of a softened contact-force row

@@ -2,7 +2,7 @@
 
 The speed is judged at each impact by the angular momentum about the new stance foot, which the impact itself does not
 change: it is that of some member of the family just after its own impact, and that member's speed is the walker's. What
-to follow then is a matter of the sign of `FittingRule.share`. To follow the walker (above 0) keeps the outputs close to
+to follow is a matter of the sign of `FittingSettings.share`. To follow the walker (above 0) keeps the outputs close to
 where they are, but lets the speed drift, for every gait is at home in its own speed. To oppose it (below 0) makes a
 walker that was pushed forward follow a slower gait, which brakes.
 
@@ -18,12 +18,13 @@ that within the step, as it does after a push. Predictions follow the gait that 
 they see.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 from controller.belief import Gait, StanceEstimator, WalkerModel
 from controller.fitting.family import GaitFamily
 from controller.records import TORSO, ControlStep, Observation, StanceState, Vector
+from controller.settings import FittingSettings
 
 
 class Follower(Protocol):
@@ -45,39 +46,10 @@ class Follower(Protocol):
         """One tick."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FittingRule:
-    """Which gait to follow at a measured speed; speeds count from that of the walker's own gait.
-
-    Attributes:
-        share: Speed of the gait to follow for the speed measured.
-        slower: Most that the gait followed may be slower in [m/s], 0 or above.
-        faster: Most that it may be faster in [m/s], 0 or above.
-        hysteresis: Changes of it below this are not made, and a gait nearer than this to the own one is not followed,
-            in [m/s].
-        most: Largest change at one impact in [m/s].
-    """
-
-    share: float
-    slower: float
-    faster: float
-    hysteresis: float
-    most: float
-
-    def next(self, followed: float, measured: float) -> float:
-        """Speed to follow after `followed` where `measured` is the walker's, all in [m/s]."""
-        wish = min(max(self.share * measured, -self.slower), self.faster)
-        if abs(wish) <= self.hysteresis:
-            wish = 0.0  # its own gait to the bit, where nothing disturbs it
-        elif abs(wish - followed) <= self.hysteresis:
-            return followed
-        return followed + min(max(wish - followed, -self.most), self.most)
-
-
 class GaitFitting:
     """Chooses the gait at each impact; everything else is the inner controller's."""
 
-    def __init__(self, inner: Follower, model: WalkerModel, family: GaitFamily, rule: FittingRule) -> None:
+    def __init__(self, inner: Follower, model: WalkerModel, family: GaitFamily, rule: FittingSettings) -> None:
         """Put the parts together.
 
         Args:

@@ -10,63 +10,15 @@ from controller.belief import Gait, StanceEstimator, WalkerModel
 from controller.belief.kernels import Gains
 from controller.cmpc.cascade import Friction
 from controller.ltv import plan
-from controller.ltv.cost import Cost
+from controller.ltv.cost import off_the_orbit
 from controller.ltv.landing import Ground
 from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
 from controller.ltv.problem import residuals
 from controller.records import ControlStep, Observation, StanceState, Status, Vector
+from controller.settings import LtvSettings
 
 BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
 BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LtvWeights:
-    """Cost of a stage, and how much the last one counts.
-
-    Attributes:
-        output: On y^2 in [1/rad^2].
-        output_calm: On y^2 where the clock's rate is the nominal one, in [1/rad^2].
-        calm: Distance of the clock's rate from the nominal one at which the weight is half way between, in [rad/s].
-        output_rate: On dy^2 in [s^2/rad^2].
-        clock_rate: On (dtheta - dtheta*(theta))^2 in [s^2/rad^2].
-        torque: On u_mpc^2 in [1/(N.m)^2].
-        last: Factor on the errors of the last stage.
-        torque_penalty: On (torque beyond its limit)^2 in [1/(N.m)^2]; the torque applied now is within it always.
-    """
-
-    output: float
-    output_calm: float
-    calm: float
-    output_rate: float
-    clock_rate: float
-    torque: float
-    last: float
-    torque_penalty: float
-
-    def over(self, N: int, limit: Vector, friction: Friction | None) -> Cost:
-        """The cost over N stages, far from the orbit."""
-        error = np.tile([self.output] * 4 + [self.output_rate] * 4 + [self.clock_rate], (N, 1))
-        error[-1] *= self.last
-        return Cost(
-            error=error,
-            torque=self.torque,
-            torque_penalty=self.torque_penalty,
-            force_penalty=friction.penalty if friction else 0.0,
-            limit=np.array(limit, dtype=float),
-            mu=float(friction.mu) if friction else 0.0,
-            normal_min=float(friction.normal_min) if friction else 0.0,
-        )
-
-    def output_at(self, off: float) -> float:
-        """Weight on y^2 at a distance of the clock's rate from the nominal one in [rad/s].
-
-        Speed comes back by leaving the outputs, so the two pull at each other. Where there is no speed to give back,
-        the outputs can be held more tightly, and small departures of the plant's own orbit from the nominal one cost
-        no output error.
-        """
-        near = self.calm * self.calm / (self.calm * self.calm + off * off)
-        return self.output + near * (self.output_calm - self.output)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,12 +60,8 @@ class LtvCascade:
         gains: Gains,
         *,
         period: float,
-        stages: int,
-        stage_time: float,
-        substeps: int,
-        weights: LtvWeights,
+        settings: LtvSettings,
         friction: Friction | None,
-        slope_memory: float,
     ) -> None:
         """Put the parts together.
 
@@ -122,23 +70,20 @@ class LtvCascade:
             gait: The outputs.
             gains: ZD+PD gains.
             period: Of the ticks in [s].
-            stages: N.
-            stage_time: Length of a stage in [s].
-            substeps: Integration steps of a stage.
-            weights: Cost.
+            settings: Prediction and cost.
             friction: Contact-force limits, None to leave their rows out.
-            slope_memory: Share of the old belief about the ground's slope kept at a touch-down, 0 to 1; at 1 the
-                ground stays level.
         """
         self.model, self.gait, self.gains = model, gait, gains
         self._table = gait.table._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
-        self.weights = weights
-        self.cost = weights.over(stages, model.torque_limits, friction)
-        self._grown = self.cost.error[:, :1] / weights.output  # of a stage's weights over those of the first
+        self.settings = settings
+        self.cost = off_the_orbit(
+            settings, model.torque_limits, (friction.mu, friction.normal_min) if friction else None
+        )
+        self._grown = self.cost.error[:, :1] / settings.output  # of a stage's weights over those of the first
         self.orbit = self._own_orbit = find_orbit(model, gait)
         self.stance = StanceEstimator(model)
-        self._N, self._period, self._stage_time, self._substeps = stages, period, stage_time, substeps
-        self._slope_memory = slope_memory
+        self._N, self._period = settings.stages, period
+        self._stage_time, self._substeps = settings.stage_time, settings.substeps
         self.reset("left")
 
     def follow(self, gait: Gait, rate_change: Vector) -> None:
@@ -209,7 +154,7 @@ class LtvCascade:
         clock = self.gait.clock
         rate, _ = nominal_rate(self.orbit, float(clock @ state.q))
         off = abs(float(clock @ state.dq) - rate)
-        self.cost.error[:, :4] = self._grown * self.weights.output_at(off)
+        self.cost.error[:, :4] = self._grown * self.settings.output_at(off)
 
     def _status(self) -> Status:
         """Whether the quadratic model was solved and its whole step taken."""
@@ -224,7 +169,7 @@ class LtvCascade:
         """The old stance foot is now behind: the line between the feet is the ground."""
         behind, height, _ = self.model.swing_foot(state.q, state.dq)
         seen = height / behind if behind < -0.05 else 0.0
-        kept = self._slope_memory
+        kept = self.settings.slope_memory
         self.ground = Ground(kept * self.ground.tangent + (1.0 - kept) * seen, 0.0)
 
     def _ground_under(self, state: StanceState) -> Ground:

@@ -8,6 +8,8 @@ from controller.compiled import Array, compiled
 from controller.ltv.horizon import LtvHorizon
 from controller.ltv.orbit import Orbit, nominal_rate
 from controller.ltv.problem import LtvProblem
+from controller.records import Vector
+from controller.settings import LtvSettings
 
 N_E = 9  # errors of a stage: outputs, their rates, the clock's rate
 TORQUE_ROWS, FORCE_ROWS = 8, 3  # both bounds of four torques; both sides of the friction cone and the normal force
@@ -35,6 +37,29 @@ class Cost(NamedTuple):
     limit: Array
     mu: float
     normal_min: float
+
+
+def off_the_orbit(settings: LtvSettings, limit: Vector, contact: tuple[float, float] | None) -> Cost:
+    """The cost where the clock's rate is far from the nominal orbit's.
+
+    Args:
+        settings: Weights.
+        limit: Torque limits in [N.m], (4,).
+        contact: Friction coefficient and least normal force in [N]; None leaves the contact rows out.
+    """
+    stage = [settings.output] * 4 + [settings.output_rate] * 4 + [settings.clock_rate]
+    error = np.tile(stage, (settings.stages, 1))
+    error[-1] *= settings.last
+    mu, normal_min = contact or (0.0, 0.0)
+    return Cost(
+        error=error,
+        torque=settings.torque,
+        torque_penalty=settings.torque_penalty,
+        force_penalty=settings.force_penalty if contact else 0.0,
+        limit=np.array(limit, dtype=float),
+        mu=float(mu),
+        normal_min=float(normal_min),
+    )
 
 
 def new_problem(N: int) -> LtvProblem:

@@ -37,6 +37,7 @@ from controller.records import Status, Vector
 from controller.rivals import dense_qp
 from controller.rivals.law import Decision
 from controller.rivals.output_dynamics import OutputDynamics
+from controller.settings import ClfSettings
 
 F = np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(4))
 G = np.kron([[0.0], [1.0]], np.eye(4))
@@ -74,6 +75,11 @@ class Lyapunov:
 
 class ClfQp:
     """The law: from the output dynamics to mu."""
+
+    @classmethod
+    def of(cls, settings: ClfSettings, *, limit: Vector, friction: Friction | None) -> "ClfQp":
+        """The law with V of `settings.epsilon`; the other arguments are those of the constructor."""
+        return cls(Lyapunov.rapid(settings.epsilon), penalty=settings.penalty, limit=limit, friction=friction)
 
     def __init__(self, lyapunov: Lyapunov, *, penalty: float, limit: Vector, friction: Friction | None) -> None:
         """Put the parts together.

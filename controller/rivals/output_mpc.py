@@ -27,6 +27,7 @@ from controller.records import Vector
 from controller.rivals import dense_qp
 from controller.rivals.law import Decision
 from controller.rivals.output_dynamics import OutputDynamics
+from controller.settings import OutputMpcSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,21 +100,19 @@ class OutputPlan:
 class OutputMpc:
     """The law: the first torque of the plan."""
 
-    def __init__(self, *, N: int, T: float, output: float, output_rate: float, limit: Vector, period: float) -> None:
+    def __init__(self, settings: OutputMpcSettings, *, limit: Vector, period: float) -> None:
         """Work out what is the same at every tick.
 
         Args:
-            N: Stages.
-            T: Length of a stage in [s].
-            output: q in [1/s^4].
-            output_rate: q' in [1/s^2].
+            settings: N, T, and the weights q and q'.
             limit: Torque limits in [N.m], (4,).
             period: Length of a tick in [s].
         """
+        N, T = settings.stages, settings.stage_time
         self.N, self.T, self.limit, self.period = N, T, limit, period
         self.integrator = DoubleIntegrator.over(N, T)
         free, forced = self.integrator.free, self.integrator.forced
-        weight = np.diag([output, output_rate])
+        weight = np.diag([settings.output, settings.output_rate])
         S = solve_discrete_are(self.integrator.A, self.integrator.B, weight, np.eye(1))
         weighted = np.einsum("kij,kin->njk", np.array([weight] * (N - 1) + [S]), forced)  # (N, 2, N)
         # Cost of one output: v' quadratic v + 2 v' linear (y_0, dy_0) + constant.

@@ -100,7 +100,8 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
 
 def _criteria(plant: MujocoPlant | RigidPlant, scenario: Scenario) -> FallCriteria:
     """When a run counts as a fall: by the size of the walker, whatever errors its plant is given."""
-    return FallCriteria.of_leg(plant.legs.nominal_length(scenario.plant.length_factor))
+    length = plant.legs.nominal_length(scenario.plant.length_factor)
+    return FallCriteria.of_leg(length, trips=scenario.plant.scuff == "trip")
 
 
 def build_rig(scenario: Scenario) -> Rig:

@@ -83,6 +83,7 @@ class Loop:
             wall_s=time.perf_counter() - began,
             torque_limits=self._torque_limits,
             log=log,
+            scuffing=self._judge.scuffing,
         )
 
     def _walk(self, progress: Progress | None, stop: Stop | None) -> tuple[Outcome, FallReason, str]:
@@ -94,6 +95,9 @@ class Loop:
             touch_down = judge.touch_down(state)
             if touch_down:
                 self._landed(k, touch_down)
+            scuff = judge.scuff(state)
+            if scuff:
+                self._tape.event(k, "warning", "scuff", scuff)
             reason, detail = judge.fall(state)
             if reason is not FallReason.NONE:
                 return Outcome.FELL, reason, detail

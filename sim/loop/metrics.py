@@ -9,6 +9,7 @@ import numpy as np
 from sim.interface import JOINTS, ControlStep, PlantState, Vector
 from sim.loop.judge import Judge, TouchDown
 from sim.loop.outcome import FallReason, Outcome, RunSummary
+from sim.loop.scuff import Scuffing
 
 BLOCK = 256  # [ticks]
 
@@ -129,6 +130,7 @@ class Metrics:
         wall_s: float,
         torque_limits: Vector,
         log: str,
+        scuffing: Scuffing | None = None,
     ) -> RunSummary:
         """The figures so far.
 
@@ -140,6 +142,7 @@ class Metrics:
             wall_s: Wall time in [s].
             torque_limits: In [N.m], (4,), ordered as `JOINTS`.
             log: Path of the log.
+            scuffing: The swing foot below the ground.
         """
         self._settle()
         fell = outcome is Outcome.FELL
@@ -165,6 +168,8 @@ class Metrics:
             slip_m=self.slip if self.ticks else None,
             ticks=self.ticks,
             state_digest=digest(final),
+            scuff_depth_m=scuffing.depth if scuffing else 0.0,
+            scuff_time_s=round(scuffing.ticks * time_s / self.ticks, 9) if scuffing and self.ticks else 0.0,
             friction_ratio_max=self.friction_ratio if self.ticks else None,
             output_error_rms_rad=math.sqrt(self._y2 / (4 * self.ticks)) if self.ticks else None,
             mpc_torque_share=math.sqrt(self._mpc2 / self._zd2) if self._zd2 else None,

@@ -17,6 +17,7 @@ class FallReason(Enum):
     """Why a run counts as a fall; the value is the sentence users read."""
 
     NONE = ""
+    TRIPPED = "the swing foot went into the ground"
     HIP_LOW = "the hip sank below the fall height"
     TORSO_TILT = "the torso tilted beyond the fall angle"
     BODY_CONTACT = "a link other than a foot touched the ground"
@@ -52,6 +53,8 @@ class RunSummary:
         slip_m: Distance the stance foot slid along the ground in [m].
         ticks: Control ticks.
         state_digest: Fingerprint of the last state; equal for states that are equal bit for bit.
+        scuff_depth_m: Largest depth of the swing foot below the ground outside landings in [m].
+        scuff_time_s: Time it spent there in [s].
     """
 
     outcome: str
@@ -77,3 +80,5 @@ class RunSummary:
     slip_m: float | None = None
     ticks: int = 0
     state_digest: str = ""
+    scuff_depth_m: float = 0.0
+    scuff_time_s: float = 0.0

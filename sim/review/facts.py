@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from collections.abc import Mapping
 from typing import Any
 
 from sim.log.read.frames import Run, parsed
@@ -62,11 +63,20 @@ def summary(run: Run) -> list[tuple[str, str]]:
         ("MPC torque / ZD+PD torque", _text(r.get("mpc_torque_share"), "{:.3f}")),
         ("solve time", _times(r.get("solve_ms"))),
         ("tick time", _times(r.get("tick_ms"))),
+        ("swing foot below ground", _scuff(r)),
         ("fall-backs to ZD+PD", _text(r.get("fallbacks"), "{:.0f} ticks")),
         ("softening of contact rows", _text(r.get("slack_max_N"), "{:.3g} N")),
         ("speed", _text(r.get("realtime_factor"), "{:.2f} × real time")),
     ]
     return [(printable(name), text) for name, text in rows]
+
+
+def _scuff(result: Mapping[str, Any]) -> str:
+    """Depth and time of the swing foot below the ground."""
+    depth, time = result.get("scuff_depth_m"), result.get("scuff_time_s")
+    if not isinstance(depth, float) or not isinstance(time, float):
+        return _text(None, "")
+    return f"{1e3 * depth:.2f} mm at most, {1e3 * time:.0f} ms in all" if time > 0.0 else "never"
 
 
 def provenance(run: Run) -> list[tuple[str, str]]:

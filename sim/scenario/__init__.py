@@ -1,6 +1,6 @@
 """What happens in a run, and its TOML files."""
 
-from sim.scenario.controller import ControllerSettings
+from controller.settings import ControllerSettings
 from sim.scenario.files import from_toml, load, shipped, to_toml
 from sim.scenario.plant import GroundSettings, PlantSettings
 from sim.scenario.scenario import Push, Scenario, StartSettings, settings_table, with_value, with_values

@@ -4,7 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated
 
-from sim.settings.units import (
+from controller.units import (
     NOT_NEGATIVE,
     Metre,
     PositiveRatio,

@@ -4,16 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sim.scenario.per_link import (
-    BodyFactors,
-    BodyLengths,
-    BodyMasses,
-    JointFactors,
-    JointInertias,
-    JointTorques,
-    LimbFactors,
-)
-from sim.settings.units import (
+from controller.units import (
     AT_LEAST_ONE,
     NOT_NEGATIVE,
     POSITIVE,
@@ -24,6 +15,15 @@ from sim.settings.units import (
     Ratio,
     Second,
     Unit,
+)
+from sim.scenario.per_link import (
+    BodyFactors,
+    BodyLengths,
+    BodyMasses,
+    JointFactors,
+    JointInertias,
+    JointTorques,
+    LimbFactors,
 )
 
 
@@ -126,6 +126,8 @@ class PlantSettings:
 
     Attributes:
         kind: MuJoCo with contact, or the paper's ideal walker: pinned stance foot, rigid instantaneous impact.
+        scuff: What a swing foot that passes below the ground without landing is, which the rigid ground does not stop:
+            reported, as in an ideal simulation, or a fall once it is deeper than an eight-hundredth of the leg (1 mm).
         timestep: Physics step; a whole number of them makes a control period.
         integrator: MuJoCo's integrator.
         saturation: Whether the motors saturate at their torque limits.
@@ -146,6 +148,7 @@ class PlantSettings:
     """
 
     kind: Literal["mujoco", "rigid"] = "mujoco"
+    scuff: Literal["report", "trip"] = "report"
     timestep: Annotated[Second, POSITIVE] = 0.25e-3
     integrator: Literal["implicitfast", "RK4", "implicit", "Euler"] = "implicitfast"
     saturation: bool = True

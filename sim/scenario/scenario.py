@@ -11,12 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from sim.errors import UserError
-from sim.scenario.controller import ControllerSettings
-from sim.scenario.plant import PlantSettings
-from sim.scenario.signals import ActuationSettings, SensorSettings
-from sim.settings import tree as settings
-from sim.settings.units import (
+from controller.settings import ControllerSettings
+from controller.units import (
     AT_LEAST_ONE,
     NOT_NEGATIVE,
     POSITIVE,
@@ -24,6 +20,10 @@ from sim.settings.units import (
     Second,
     Unit,
 )
+from sim.errors import UserError
+from sim.scenario.plant import PlantSettings
+from sim.scenario.signals import ActuationSettings, SensorSettings
+from sim.settings import tree as settings
 
 Body = Literal["torso", "left_femur", "left_tibia", "right_femur", "right_tibia"]
 Five = tuple[float, float, float, float, float]

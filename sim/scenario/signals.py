@@ -4,8 +4,8 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from controller.units import FRACTION, NOT_NEGATIVE, Radian, Second, Unit
 from sim.scenario.per_link import JointAngles, JointFactors, JointRates
-from sim.settings.units import FRACTION, NOT_NEGATIVE, Radian, Second, Unit
 
 RadianPerSecond = Annotated[float, Unit("rad/s")]
 Ticks = Annotated[int, Unit("ticks"), NOT_NEGATIVE]

@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from typing import Any
 
+from controller.units import Range, Unit
 from sim.errors import UserError
-from sim.settings.units import Range, Unit
 
 LONGEST_SHOWN = 60  # characters of an illegal value that a message repeats
 

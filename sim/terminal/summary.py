@@ -59,6 +59,9 @@ def _rows(summary: RunSummary, scenario: Scenario) -> list[tuple[str, str]]:
         ("tick time", _times(summary.tick_ms)),
         ("speed", _number(summary.realtime_factor, "{:.2f} x real time")),
     ]
+    if summary.scuff_time_s > 0.0:
+        depth, time = 1e3 * summary.scuff_depth_m, 1e3 * summary.scuff_time_s
+        rows.append(("swing foot below ground", f"{depth:.2f} mm at most, {time:.0f} ms in all"))
     if summary.fallbacks:
         rows.append(("fall-backs to ZD+PD", f"{summary.fallbacks} ticks"))
     if summary.slack_max_N > 0.0:

@@ -69,8 +69,11 @@ class Witness(NoTape):
         ahead = step.impact_in * self._period
         if self._due == math.inf and 0.0 <= ahead <= FORESEEN:
             self._due = state.t + ahead
+        left, right = (
+            touches or depth < -SUNK for touches, depth in zip(state.contact, state.clearance.tolist(), strict=True)
+        )  # the rigid ground feels its stance foot alone
         self._ring[self._ticks % len(self._ring)] = (
-            state.t, self._stance, self._landed, self._due, step.s, step.dtheta, step.fallback, *state.contact,
+            state.t, self._stance, self._landed, self._due, step.s, step.dtheta, step.fallback, left, right,
             state.foot.item(self._stance, 0), *state.torque.tolist(), *step.y.tolist(),
         )  # fmt: skip
         self._ticks += 1

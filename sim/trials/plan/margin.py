@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from controller.units import AT_LEAST_ONE, POSITIVE, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
-from sim.settings.units import AT_LEAST_ONE, POSITIVE, Unit
 from sim.trials.plan.axis import label, spec_of
 
 MOST_POINTS = 1_000_000  # lattice points of an axis

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from controller.units import AT_LEAST_ONE, NOT_NEGATIVE, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
-from sim.settings.units import AT_LEAST_ONE, NOT_NEGATIVE, Unit
 from sim.trials.plan.axis import Value, label, spec_of
 
 MOST_REDRAWS = 10_000

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from controller.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.settings import tree as settings
-from sim.settings.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.trials.plan.axis import Axis, Value, changes, label, scenario_at
 from sim.trials.plan.grid import GridStudy
 from sim.trials.plan.margin import MarginStudy

@@ -42,6 +42,8 @@ class TrialResult:
         fallbacks: Ticks in which the controller fell back.
         slack_max_N: Largest softening of a contact-force row in [N].
         state_digest: Fingerprint of the last state.
+        scuff_depth_m: Largest depth of the swing foot below the ground outside landings in [m].
+        scuff_time_s: Time it spent there in [s].
         solve_median_ms: Median solver time in [ms].
         solve_p99_ms: Its 99 % quantile.
         solve_max_ms: Its maximum.
@@ -76,6 +78,8 @@ class TrialResult:
     fallbacks: int = 0
     slack_max_N: float = 0.0
     state_digest: str = ""
+    scuff_depth_m: float = 0.0
+    scuff_time_s: float = 0.0
     solve_median_ms: float | None = None
     solve_p99_ms: float | None = None
     solve_max_ms: float | None = None

@@ -208,6 +208,8 @@ def _figures(summary: RunSummary) -> dict[str, Any]:
         "fallbacks": summary.fallbacks,
         "slack_max_N": summary.slack_max_N,
         "state_digest": summary.state_digest,
+        "scuff_depth_m": summary.scuff_depth_m,
+        "scuff_time_s": summary.scuff_time_s,
         "solve_median_ms": summary.solve_ms.get("median"),
         "solve_p99_ms": summary.solve_ms.get("p99"),
         "solve_max_ms": summary.solve_ms.get("max"),

@@ -1,10 +1,13 @@
-"""Settings of the controllers: which law, its gains, its beliefs, its weights."""
+"""Settings of the controllers: which law, its gains, its beliefs, its weights; each law reads its own class.
+
+Common ground: scenario files, flags and the laws know the same classes, and nothing heavy is imported for them.
+"""
 
 import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from sim.settings.units import (
+from controller.units import (
     AT_LEAST_ONE,
     FRACTION,
     NOT_NEGATIVE,
@@ -55,6 +58,16 @@ class LtvSettings:
     force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
     slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
 
+    def output_at(self, off: float) -> float:
+        """Weight on y^2 at a distance of the clock's rate from the nominal one in [rad/s].
+
+        Speed comes back by leaving the outputs, so the two pull at each other. Where there is no speed to give back,
+        the outputs can be held more tightly, and small departures of the plant's own orbit from the nominal one cost
+        no output error.
+        """
+        near = self.calm * self.calm / (self.calm * self.calm + off * off)
+        return self.output + near * (self.output_calm - self.output)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittingSettings:
@@ -65,7 +78,7 @@ class FittingSettings:
         share: Speed of the gait to follow for the speed measured; below 0 a walker too fast follows a slower gait.
         slower: Most that the gait followed may be slower.
         faster: Most that it may be faster.
-        hysteresis: Changes below this are not made.
+        hysteresis: Changes below this are not made, and a gait nearer than this to the own one is not followed.
         most: Largest change at one impact.
     """
 
@@ -75,6 +88,15 @@ class FittingSettings:
     faster: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.0
     hysteresis: Annotated[float, Unit("m/s"), NOT_NEGATIVE] = 0.02
     most: Annotated[float, Unit("m/s"), POSITIVE] = 0.3
+
+    def next(self, followed: float, measured: float) -> float:
+        """Speed to follow after `followed` where `measured` is the walker's, all in [m/s]."""
+        wish = min(max(self.share * measured, -self.slower), self.faster)
+        if abs(wish) <= self.hysteresis:
+            wish = 0.0  # its own gait to the bit, where nothing disturbs it
+        elif abs(wish - followed) <= self.hysteresis:
+            return followed
+        return followed + min(max(wish - followed, -self.most), self.most)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

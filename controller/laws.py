@@ -1,0 +1,147 @@
+"""The laws by name: one factory each, from its settings and what the controller believes to a controller."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controller.belief import Gait, WalkerModel, load_gait
+from controller.belief.kernels import Gains
+from controller.cmpc import CascadedMpc, ZeroDynamicsController
+from controller.cmpc.cascade import PENALTY, Friction, Weights
+from controller.qp import Solver, make_solver
+from controller.qp.problem import ROWS
+from controller.records import Controller
+from controller.settings import ControllerSettings
+
+if TYPE_CHECKING:
+    from controller.fitting.controller import Follower
+    from controller.fitting.family import GaitFamily
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """What the controller knows about the walker.
+
+    Attributes:
+        model: Analytic model.
+        gait: The gait to follow.
+        library: Folder of the gait library.
+    """
+
+    model: WalkerModel
+    gait: Gait
+    library: Path
+
+    @classmethod
+    def load(cls, urdf: Path, gait: Path, library: Path) -> "Belief":
+        """Read the files.
+
+        Raises:
+            UserError: a file is missing, unreadable or not legal.
+        """
+        model = WalkerModel(urdf)
+        return cls(model=model, gait=load_gait(gait, model), library=library)
+
+
+def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
+    """The controller that settings ask for.
+
+    Args:
+        settings: Its settings.
+        belief: What it knows about the walker.
+        solver: Used instead of the one the settings name.
+
+    Raises:
+        UserError: unknown solver, or no gait library where gaits are fitted.
+    """
+    if settings.kind == "c-mpc":
+        law: Follower = _c_mpc(settings, belief, solver)
+    else:
+        law = _FACTORIES[settings.kind](settings, belief)
+    if not settings.gait_fitting.enabled:
+        return law
+    from controller.fitting.controller import GaitFitting
+
+    return GaitFitting(law, belief.model, _family(belief), settings.gait_fitting)
+
+
+@functools.lru_cache(maxsize=4)
+def _family(belief: Belief) -> "GaitFamily":
+    from controller.fitting.family import GaitFamily
+    from controller.fitting.library import GaitLibrary
+
+    return GaitFamily.around(belief.gait, GaitLibrary.load(belief.library, belief.model))
+
+
+def _gains(settings: ControllerSettings) -> Gains:
+    return Gains(kp=np.array(settings.kp), kd=np.array(settings.kd))
+
+
+def _friction(settings: ControllerSettings, penalty: float = PENALTY) -> Friction | None:
+    """The contact-force limits that settings ask for, None for none."""
+    if not settings.friction_rows:
+        return None
+    return Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=penalty)
+
+
+def _c_mpc(settings: ControllerSettings, belief: Belief, solver: Solver | None) -> "Follower":
+    gains, N, T = _gains(settings), settings.horizon, settings.period
+    return CascadedMpc(
+        belief.model,
+        belief.gait,
+        gains,
+        N=N,
+        T=T,
+        weights=Weights.of_paper(gains, T).times(settings.weights),
+        friction=_friction(settings),
+        solver=solver or make_solver(settings.solver, N, ROWS if settings.friction_rows else 0),
+    )
+
+
+def _zd_pd(settings: ControllerSettings, belief: Belief) -> "Follower":
+    return ZeroDynamicsController(belief.model, belief.gait, _gains(settings))
+
+
+# Modules below are imported, and their kernels compiled, only where they are used.
+
+
+def _c_mpc_ltv(settings: ControllerSettings, belief: Belief) -> "Follower":
+    from controller.ltv.cascade import LtvCascade
+
+    return LtvCascade(
+        belief.model,
+        belief.gait,
+        _gains(settings),
+        period=settings.period,
+        settings=settings.ltv,
+        friction=_friction(settings, settings.ltv.force_penalty),
+    )
+
+
+def _clf_qp(settings: ControllerSettings, belief: Belief) -> "Follower":
+    from controller.rivals.clf_qp import ClfQp
+    from controller.rivals.law import OutputController
+
+    friction = _friction(settings, settings.clf.force_penalty)
+    law = ClfQp.of(settings.clf, limit=belief.model.torque_limits, friction=friction)
+    return OutputController(belief.model, belief.gait, _gains(settings), law)
+
+
+def _output_mpc(settings: ControllerSettings, belief: Belief) -> "Follower":
+    from controller.rivals.law import OutputController
+    from controller.rivals.output_mpc import OutputMpc
+
+    law = OutputMpc(settings.output_mpc, limit=belief.model.torque_limits, period=settings.period)
+    return OutputController(belief.model, belief.gait, _gains(settings), law)
+
+
+_FACTORIES: dict[str, Callable[[ControllerSettings, Belief], "Follower"]] = {
+    "zd-pd": _zd_pd,
+    "c-mpc-ltv": _c_mpc_ltv,
+    "clf-qp": _clf_qp,
+    "output-mpc": _output_mpc,
+}
