@@ -4,7 +4,7 @@ What passes between the two worlds (`Observation`, `ControlStep`, `Controller`) 
 `controller.records`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +14,7 @@ __all__ = [
     "COORDINATES",
     "FEET",
     "JOINTS",
+    "LEGS",
     "AppliedForce",
     "ControlStep",
     "Controller",
@@ -25,8 +26,10 @@ __all__ = [
     "Vector",
 ]
 
-FEET = ("left_foot", "right_foot")
-"""Order of every per-foot array."""
+LEGS = ("left", "right")
+"""Names of the legs; the position is a leg's number on the plant's side, and its row in every per-foot array."""
+
+FEET = tuple(f"{leg}_foot" for leg in LEGS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,6 +87,14 @@ class AppliedForce:
 
 class Plant(Protocol):
     """A walker that obeys physics; the loop holds a torque on it and looks again."""
+
+    @property
+    def com(self) -> Mapping[str, tuple[float, float]]:
+        """Centre of mass (x, z) of each link in its own frame in [m], by link name: where pushes attack by default."""
+
+    @property
+    def torque_limits(self) -> Vector:
+        """Actuator limits in [N.m], (4,), ordered as `JOINTS`; infinite without saturation."""
 
     def reset(self, q: Vector, dq: Vector, stance: str) -> None:
         """Put the walker on its stance foot.

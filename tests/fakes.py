@@ -8,6 +8,7 @@ from sim.errors import PlantDiverged
 from sim.interface import ControlStep, Observation, PlantState, Status
 
 PERIOD = 1e-3  # [s]
+COM = {"torso": (0.0, 0.24), "left_femur": (0.0, 0.11)}  # [m]
 
 
 def plant_state(**changes):
@@ -41,6 +42,10 @@ class Clockwork:
     def __init__(self, ticks_per_step=10, *, never_lands=False, falls_at=None, diverges_at=None):
         self.ticks_per_step, self.never_lands = ticks_per_step, never_lands
         self.falls_at, self.diverges_at = falls_at, diverges_at
+        self.com, self.torque_limits = COM, np.full(4, 75.0)
+        self.reset()
+
+    def reset(self, q=None, dq=None, stance="left"):
         self.k = 0
         self.torques, self.forces = [], []
 

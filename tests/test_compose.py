@@ -15,7 +15,7 @@ from controller.belief import WalkerModel, load_gait
 from sim.bridge import run as compose
 from sim.interface import COORDINATES
 from sim.log.read import read_log
-from sim.loop import Loop, NoTape
+from sim.loop import Course, Loop, NoTape
 from sim.scenario import Push, Scenario, from_toml, with_value, with_values
 
 KINDS = ("c-mpc", "zd-pd")
@@ -197,19 +197,11 @@ class Stiff:
 def test_a_third_controller_needs_the_protocol_alone():
     belief, plant = compose.load_belief(SHORT), compose.build_plant(SHORT)
     q, _ = compose.start_state(SHORT, belief)
-    plant.reset(q, np.zeros(5), "left")
-    controller = Stiff(q)
-    controller.reset("left")
     summary = Loop(
         plant=plant,
-        controller=controller,
-        pushes=(),
-        com=plant.com,
-        stance="left",
-        steps=1,
-        end_time=3.0,
+        controller=Stiff(q),
+        course=Course(q=q, dq=np.zeros(5), steps=1, end_time=3.0),
         tape=NoTape(),
-        torque_limits=plant.torque_limits,
     ).run()
     assert summary.outcome == "fell"  # a stiff walker on one point foot is a pendulum
     assert 0.1 < summary.time_s < 3.0 and max(summary.peak_torque_Nm.values()) > 1.0

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
+from sim.interface import LEGS
 from sim.log.format.fields import (
     CHANNELS,
     ENUMS,
-    LEGS,
     STATUSES,
     TABLES,
     Kind,

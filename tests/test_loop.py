@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from fakes import PERIOD, Clockwork, Counting, Tape
+from fakes import COM, PERIOD, Clockwork, Counting, Tape
 
-from sim.loop import FallReason, Loop
+from sim.loop import Course, FallReason, Loop
 from sim.loop.loop import PROGRESS_TICKS
 from sim.scenario import Push
-
-COM = {"torso": (0.0, 0.24), "left_femur": (0.0, 0.11)}
 
 
 class Run:
@@ -19,13 +17,8 @@ class Run:
         self.loop = Loop(
             plant=self.plant,
             controller=self.controller,
-            pushes=pushes,
-            com=COM,
-            stance="left",
-            steps=steps,
-            end_time=end_time,
+            course=Course(q=np.zeros(5), dq=np.zeros(5), pushes=pushes, steps=steps, end_time=end_time),
             tape=self.tape,
-            torque_limits=np.full(4, 75.0),
         )
         self.summary = self.loop.run(**how)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fakes import control_step, plant_state
 
-from sim.loop import FallReason, Judge, Outcome
+from sim.loop import FallCriteria, FallReason, Judge, Outcome
 from sim.loop.judge import TouchDown
 from sim.loop.metrics import Durations, Metrics
 
@@ -22,6 +22,7 @@ def summary(metrics, **changes):
         final=plant_state(t=2.0),
         wall_s=1.0,
         torque_limits=LIMITS,
+        criteria=FallCriteria(),
         log="x.mcap",
     )
     return metrics.summary(**{**given, **changes})

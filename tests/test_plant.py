@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.errors import PlantDiverged, UserError
 from sim.interface import AppliedForce
 from sim.plant import MujocoPlant
-from sim.plant.mujoco_plant import BODIES, INTEGRATORS
+from sim.plant.build import BODIES, INTEGRATORS
 from sim.scenario import GroundSettings, PlantSettings
 from sim.scenario.per_link import BodyFactors, JointFactors
 

@@ -8,7 +8,7 @@ import pytest
 
 from sim.errors import UserError
 from sim.plant import MujocoPlant
-from sim.plant.mujoco_plant import BODIES
+from sim.plant.build import BODIES
 from sim.scenario import GroundSettings, PlantSettings
 from sim.scenario.per_link import (
     BodyFactors,

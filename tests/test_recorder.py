@@ -18,8 +18,8 @@ from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from sim.errors import UserError
-from sim.interface import COORDINATES, JOINTS, ControlStep, Observation, PlantState
-from sim.log.format.fields import CHANNELS, LEGS, LINKS, OUTPUTS, STATUSES
+from sim.interface import COORDINATES, JOINTS, LEGS, ControlStep, Observation, PlantState
+from sim.log.format.fields import CHANNELS, LINKS, OUTPUTS, STATUSES
 from sim.log.provenance import git_state, package_versions
 from sim.log.read import read_log
 from sim.log.read.reader import read_channel

@@ -13,14 +13,13 @@ from controller.compiled import on_disk
 from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
-from sim.interface import Controller, Observation, Plant, Vector
+from sim.interface import LEGS, Controller, Observation, Plant, Vector
 from sim.log import provenance
 from sim.log.write import Recorder, RunHeader
-from sim.loop import FallCriteria, Loop, NoTape, Progress, RunSummary, Stop, Tape, Tapes
-from sim.plant import MujocoPlant, RigidPlant
+from sim.loop import Course, FallCriteria, Loop, NoTape, Progress, RunSummary, Stop, Tape, Tapes
+from sim.plant import MujocoPlant, RigidPlant, Walker
 from sim.plant.actuation import Actuation
 from sim.plant.instruments import InstrumentedPlant
-from sim.plant.kinematics import LEGS
 from sim.plant.sensors import Sensors
 from sim.plant.terrain import Terrain
 from sim.scenario import ActuationSettings, Scenario, SensorSettings, to_toml
@@ -47,7 +46,6 @@ __all__ = [
 ]
 """The solver parts are handed on to the benchmark, which must not know the controller itself."""
 
-FIRST_STANCE = "left"
 RUN_UP = 2.0  # [m] of rough ground beyond what the steps need
 LONGEST_STEP = 0.6  # [m] a step may take on rough ground; the gait's are 0.4 m
 
@@ -55,7 +53,7 @@ Announce = Callable[[str], None]
 """Takes one line for the user."""
 
 
-def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPlant | RigidPlant:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> Walker:
     """The plant a scenario asks for, not yet reset.
 
     Args:
@@ -66,7 +64,7 @@ def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> MujocoPl
         UserError: a model file or a setting is not legal.
     """
     files = files or ModelFiles.of(scenario)
-    plant = RigidPlant if scenario.plant.kind == "rigid" else MujocoPlant
+    plant: type[RigidPlant | MujocoPlant] = RigidPlant if scenario.plant.kind == "rigid" else MujocoPlant
     return plant(
         scenario.plant,
         files.mjcf,
@@ -98,10 +96,19 @@ def start_state(scenario: Scenario, belief: Belief) -> tuple[Vector, Vector]:
     return q, dq
 
 
-def _criteria(plant: MujocoPlant | RigidPlant, scenario: Scenario) -> FallCriteria:
-    """When a run counts as a fall: by the size of the walker, whatever errors its plant is given."""
-    length = plant.legs.nominal_length(scenario.plant.length_factor)
-    return FallCriteria.of_leg(length, trips=scenario.plant.scuff == "trip")
+def _course(scenario: Scenario, belief: Belief, plant: Walker) -> Course:
+    """What a scenario puts its walker through."""
+    q, dq = start_state(scenario, belief)
+    length = plant.legs.nominal_length(scenario.plant.length_factor)  # whatever errors the plant is given
+    return Course(
+        q=q,
+        dq=dq,
+        steps=scenario.steps,
+        end_time=scenario.end_time,
+        pushes=scenario.pushes,
+        criteria=FallCriteria.of_leg(length, trips=scenario.plant.scuff == "trip"),
+        period=scenario.controller.period,
+    )
 
 
 def build_rig(scenario: Scenario) -> Rig:
@@ -112,19 +119,16 @@ def build_rig(scenario: Scenario) -> Rig:
     """
     belief = load_belief(scenario)
     plant = build_plant(scenario)
-    q, dq = belief.gait.post_impact(belief.model)
+    q, _ = belief.gait.post_impact(belief.model)
     return Rig(
         scenario=scenario,
         plant=plant,
         walker=lambda: instrument(plant, scenario),
         controller=build_controller(scenario.controller, belief),
-        com=plant.com,
-        torque_limits=plant.torque_limits,
         q_start=q,
-        dq_start=dq,
+        course=_course(scenario, belief, plant),
         x_gait=np.concatenate((belief.gait.q_minus, belief.gait.dq_minus)),
         surface=Surface(plant.legs, scenario.plant.ground.slope),
-        criteria=_criteria(plant, scenario),
     )
 
 
@@ -177,28 +181,15 @@ def run_scenario(
     belief = belief or load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief, solver=solver)
     plant = build_plant(scenario, files)
-    q, dq = start_state(scenario, belief)
-    walker = instrument(plant, scenario)
-    walker.reset(q, dq, FIRST_STANCE)
-    controller.reset(FIRST_STANCE)
+    course = _course(scenario, belief, plant)
+    plant.reset(course.q, course.dq, course.stance)
     warm_up(controller, plant.observe(), announce)
-    controller.reset(FIRST_STANCE)
 
     def loop(tape: Tape) -> RunSummary:
+        walker = instrument(plant, scenario)
         with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
-            return Loop(
-                plant=walker,
-                controller=controller,
-                pushes=scenario.pushes,
-                com=plant.com,
-                stance=FIRST_STANCE,
-                steps=scenario.steps,
-                end_time=scenario.end_time,
-                tape=tape,
-                torque_limits=plant.torque_limits,
-                period=scenario.controller.period,
-                criteria=_criteria(plant, scenario),
-            ).run(progress=progress, stop=ask, log=str(log) if log else "")
+            run = Loop(plant=walker, controller=controller, course=course, tape=tape)
+            return run.run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
         return loop(tape or NoTape())
@@ -208,7 +199,7 @@ def run_scenario(
     return summary
 
 
-def _header(scenario: Scenario, belief: Belief, plant: MujocoPlant | RigidPlant, files: ModelFiles) -> RunHeader:
+def _header(scenario: Scenario, belief: Belief, plant: Walker, files: ModelFiles) -> RunHeader:
     """What the log says before the first tick; attachments are enough to run it again."""
     lengths = {
         f"{leg}_{part}": length

@@ -1,16 +1,15 @@
 """The loop between the worlds: look, decide, hold; 1000 times a second."""
 
 import time
-from collections.abc import Sequence
 
 from sim.errors import PlantDiverged
-from sim.interface import Controller, ControlStep, Plant, Vector
-from sim.loop.judge import FallCriteria, Judge, TouchDown
+from sim.interface import Controller, ControlStep, Plant
+from sim.loop.course import Course
+from sim.loop.judge import Judge, TouchDown
 from sim.loop.metrics import Metrics
 from sim.loop.outcome import FallReason, Outcome, RunSummary
-from sim.loop.pushes import PERIOD, CentresOfMass, active_forces
+from sim.loop.pushes import active_forces
 from sim.loop.tape import Progress, Stop, Tape
-from sim.scenario import Push
 
 PROGRESS_TICKS = 50
 
@@ -18,43 +17,20 @@ PROGRESS_TICKS = 50
 class Loop:
     """One run of one walker, from its start to its end."""
 
-    def __init__(
-        self,
-        *,
-        plant: Plant,
-        controller: Controller,
-        pushes: Sequence[Push],
-        com: CentresOfMass,
-        stance: str,
-        steps: int,
-        end_time: float,
-        tape: Tape,
-        torque_limits: Vector,
-        period: float = PERIOD,
-        criteria: FallCriteria | None = None,
-    ) -> None:
-        """Put the parts together; plant and controller must have been reset.
+    def __init__(self, *, plant: Plant, controller: Controller, course: Course, tape: Tape) -> None:
+        """Put plant and controller at the start.
 
         Args:
             plant: The truth.
             controller: The law.
-            pushes: External forces of the scenario.
-            com: Centres of mass of the links, where pushes attack by default.
-            stance: The foot that stands at the start.
-            steps: Steps after which the run is completed.
-            end_time: Simulated time after which it ends anyway in [s].
+            course: What the run is put through.
             tape: Where ticks and events go.
-            torque_limits: In [N.m], (4,), for the summary.
-            period: Control period in [s], over which impulses are spread.
-            criteria: When a run counts as a fall; RABBIT's by default.
         """
-        self._plant, self._controller, self._tape = plant, controller, tape
-        self._pushes, self._com = tuple(pushes), com
-        self._steps, self._end_time = steps, end_time
-        self._torque_limits = torque_limits
-        self._period = period
-        self._judge = Judge(stance, criteria)
+        self._plant, self._controller, self._course, self._tape = plant, controller, course, tape
+        self._judge = Judge(course.stance, course.criteria)
         self._metrics = Metrics()
+        plant.reset(course.q, course.dq, course.stance)
+        controller.reset(course.stance)
         self._fallback = False
         self._pushed = False
         self._followed = 0.0
@@ -81,13 +57,15 @@ class Loop:
             detail=detail,
             final=self._state,
             wall_s=time.perf_counter() - began,
-            torque_limits=self._torque_limits,
+            torque_limits=self._plant.torque_limits,
+            criteria=self._course.criteria,
             log=log,
             scuffing=self._judge.scuffing,
         )
 
     def _walk(self, progress: Progress | None, stop: Stop | None) -> tuple[Outcome, FallReason, str]:
-        plant, controller, judge, metrics = self._plant, self._controller, self._judge, self._metrics
+        plant, controller, course = self._plant, self._controller, self._course
+        judge, metrics = self._judge, self._metrics
         k = 0
         while True:
             observation, state = plant.observe(), plant.state()
@@ -101,10 +79,10 @@ class Loop:
             reason, detail = judge.fall(state)
             if reason is not FallReason.NONE:
                 return Outcome.FELL, reason, detail
-            if judge.steps >= self._steps:
+            if judge.steps >= course.steps:
                 return Outcome.COMPLETED, FallReason.NONE, ""
-            if state.t >= self._end_time:
-                return Outcome.FELL, FallReason.STALLED, f"time limit of {self._end_time} s"
+            if state.t >= course.end_time:
+                return Outcome.FELL, FallReason.STALLED, f"time limit of {course.end_time} s"
             interruption = stop() if stop else None
             if interruption:
                 return Outcome.INTERRUPTED, FallReason.NONE, interruption
@@ -113,12 +91,12 @@ class Loop:
             step = controller.step(observation)
             tick_s = time.perf_counter() - started
             forces = active_forces(
-                self._pushes,
+                course.pushes,
                 state.t,
                 judge.steps + 1,
-                self._com,
+                plant.com,
                 step_began=judge.last_impact,
-                period=self._period,
+                period=course.period,
             )
             self._tape.tick(k, state, observation, step, tick_s)
             self._note(k, step, bool(forces))

@@ -1,5 +1,6 @@
 """Figures of a run, gathered tick by tick in constant memory."""
 
+import dataclasses
 import hashlib
 import math
 from collections.abc import Sequence
@@ -7,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.interface import JOINTS, ControlStep, PlantState, Vector
-from sim.loop.judge import Judge, TouchDown
+from sim.loop.judge import FallCriteria, Judge, TouchDown
 from sim.loop.outcome import FallReason, Outcome, RunSummary
 from sim.loop.scuff import Scuffing
 
@@ -129,6 +130,7 @@ class Metrics:
         final: PlantState,
         wall_s: float,
         torque_limits: Vector,
+        criteria: FallCriteria,
         log: str,
         scuffing: Scuffing | None = None,
     ) -> RunSummary:
@@ -141,6 +143,7 @@ class Metrics:
             final: The last state.
             wall_s: Wall time in [s].
             torque_limits: In [N.m], (4,), ordered as `JOINTS`.
+            criteria: What the run was judged by.
             log: Path of the log.
             scuffing: The swing foot below the ground.
         """
@@ -179,6 +182,7 @@ class Metrics:
             slack_max_N=self.slack,
             realtime_factor=time_s / wall_s if wall_s > 0.0 else 0.0,
             log=log,
+            judged_by={name: value for name, value in dataclasses.asdict(criteria).items() if math.isfinite(value)},
             message="" if fell else detail,
         )
 

@@ -55,6 +55,7 @@ class RunSummary:
         state_digest: Fingerprint of the last state; equal for states that are equal bit for bit.
         scuff_depth_m: Largest depth of the swing foot below the ground outside landings in [m].
         scuff_time_s: Time it spent there in [s].
+        judged_by: Lengths in [m], the angle in [rad] and the time in [s] of `FallCriteria`, by their names.
     """
 
     outcome: str
@@ -82,3 +83,4 @@ class RunSummary:
     state_digest: str = ""
     scuff_depth_m: float = 0.0
     scuff_time_s: float = 0.0
+    judged_by: dict[str, float] = field(default_factory=dict)

@@ -8,12 +8,11 @@ import mujoco
 import numpy as np
 
 from sim.errors import UserError
-from sim.interface import FEET, JOINTS
+from sim.interface import FEET, JOINTS, LEGS
 from sim.plant.terrain import Terrain
 from sim.scenario import PlantSettings
 
 BODIES = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
-LEGS = ("left", "right")
 
 INTEGRATORS = {
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,

@@ -22,6 +22,7 @@ class InstrumentedPlant:
             actuation: Between the controller's command and its joints.
         """
         self._plant, self._sensors, self._actuation = plant, sensors, actuation
+        self.com, self.torque_limits = plant.com, plant.torque_limits
 
     def reset(self, q: Vector, dq: Vector, stance: str) -> None:
         """Put the walker on its stance foot; see `Plant.reset`. Sensors and motors must be new."""

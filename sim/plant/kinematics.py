@@ -5,21 +5,31 @@ A link at absolute angle phi points along (-sin phi, cos phi). Joint vectors are
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sim.interface import Vector
+from sim.interface import LEGS, Vector
 from sim.scenario.per_link import LimbFactors
 
-LEFT, RIGHT = range(2)
-LEGS = ("left", "right")
 TORSO = 4
 HIP_OF = (0, 1)
 """Index of each leg's hip angle in a joint vector."""
 KNEE_OF = (2, 3)
 """Index of each leg's knee angle."""
+
+
+def absolute_angles(q: Sequence[float]) -> tuple[float, ...]:
+    """Absolute angles of the links in [rad], torso, left femur and tibia, right ones; rates from rates.
+
+    Args:
+        q: Joint angles and torso angle in [rad], (5,).
+    """
+    left_hip, right_hip, left_knee, right_knee, torso = q
+    left, right = torso + left_hip, torso + right_hip
+    return torso, left, left + left_knee, right, right + right_knee
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,20 +52,42 @@ class LegGeometry:
 
     def nominal_length(self, errors: LimbFactors) -> float:
         """Length of a leg in [m] before the plant's errors in length: what the walker is said to have."""
-        femur, tibia = self.lengths[LEFT]
+        femur, tibia = self.lengths[0]
         return femur / errors.left_femur + tibia / errors.left_tibia
 
     @property
     def alike(self) -> bool:
         """Whether both legs have the same lengths."""
-        return self.lengths[LEFT] == self.lengths[RIGHT]
+        left, right = self.lengths
+        return left == right
+
+    def feet(self, q: Sequence[float]) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Foot points (x, z) of the left and the right leg from the hip in [m], from `q` in [rad], (5,)."""
+        _, a, b, c, d = absolute_angles(q)
+        (femur, tibia), (other_femur, other_tibia) = self.lengths
+        sin, cos = math.sin, math.cos  # written out: a generator costs as much again
+        return (
+            (-femur * sin(a) - tibia * sin(b), femur * cos(a) + tibia * cos(b)),
+            (-other_femur * sin(c) - other_tibia * sin(d), other_femur * cos(c) + other_tibia * cos(d)),
+        )
+
+    def feet_velocity(self, q: Sequence[float], dq: Sequence[float]) -> tuple[tuple[float, float], ...]:
+        """Their velocities from the hip in [m/s], from `q` in [rad] and `dq` in [rad/s], (5,) each."""
+        _, *legs = absolute_angles(q)
+        _, *rates = absolute_angles(dq)
+        return tuple(
+            (
+                -femur * da * math.cos(a) - tibia * db * math.cos(b),
+                -femur * da * math.sin(a) - tibia * db * math.sin(b),
+            )
+            for (a, b), (da, db), (femur, tibia) in zip(
+                (legs[:2], legs[2:]), (rates[:2], rates[2:]), self.lengths, strict=True
+            )
+        )
 
     def foot(self, q: Vector, leg: int) -> Vector:
         """Foot point of a leg from the hip in [m], (2,)."""
-        femur, tibia = self.lengths[leg]
-        a = float(q[TORSO] + q[HIP_OF[leg]])
-        b = a + float(q[KNEE_OF[leg]])
-        return np.array([-femur * math.sin(a) - tibia * math.sin(b), femur * math.cos(a) + tibia * math.cos(b)])
+        return np.array(self.feet(q.tolist())[leg])
 
     def foot_jacobian(self, q: Vector, leg: int) -> Vector:
         """Change of the foot point from the hip per joint angle in [m/rad], (2, 5)."""

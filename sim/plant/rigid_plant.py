@@ -11,17 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
 from sim.errors import PlantDiverged, UserError
-from sim.interface import COORDINATES, JOINTS, AppliedForce, Observation, PlantState, Vector
-from sim.plant.build import BODIES, build_spec
-from sim.plant.kinematics import LEGS
-from sim.plant.mujoco_plant import DETECTED_LINKS, whole_substeps
+from sim.interface import LEGS, AppliedForce, Observation, PlantState, Vector
+from sim.plant.body import DETECTED_LINKS, Body, check_start, check_torque
 from sim.plant.rigid_walker import PinnedWalker
-from sim.plant.terrain import Terrain
 from sim.scenario import PlantSettings
 from sim.scenario.per_link import JointTorques
 
@@ -54,17 +50,12 @@ class Impact:
     old_foot: Vector
 
 
-class RigidPlant:
+class RigidPlant(Body):
     """Five-link walker pinned at its stance foot. Implements `sim.interface.Plant`.
 
     The feet are points: the sphere of the MJCF plays no part.
 
     Attributes:
-        com: Centre of mass (x, z) of each link in its own frame in [m], by link name.
-        torque_limits: Actuator limits in [N.m], (4,), ordered as `JOINTS`; infinite without saturation.
-        mjcf_text: The model as compiled, modelling errors applied, as MJCF.
-        sources: Files the plant was read from.
-        legs: Lengths of the legs.
         impact: The last impact, None before the first.
     """
 
@@ -90,47 +81,23 @@ class RigidPlant:
         Raises:
             UserError: the file is missing or unreadable, or a setting is not legal.
         """
-        self._period = control_period  # [s]
-        self._substeps = whole_substeps(control_period, settings.timestep)
-        self.sources = (Path(model_path),)
         if settings.joint_friction != JointTorques():
             raise UserError('plant.joint_friction: the rigid plant has none; must be 0, or plant.kind = "mujoco"')
-        self._terrain = Terrain(settings.ground, seed=seed, length=walk_length)
-        spec = build_spec(settings, Path(model_path), self._terrain)
-        self._model = model = spec.compile()
-        self._data = data = mujoco.MjData(model)
-        self.mjcf_text: str = spec.to_xml()
-        self._walker = PinnedWalker(model, data)
-        self.legs = self._walker.legs
-        self._body_id = {name: model.body(name).id for name in BODIES}
-        ipos = model.body_ipos
-        self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
-        actuators = [model.actuator(name).id for name in JOINTS]
-        limits: Vector = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
-        self.torque_limits = limits[actuators]
-        sizes = [model.geom(name).size for name in DETECTED_LINKS]
+        super().__init__(settings, model_path, control_period, seed=seed, walk_length=walk_length)
+        self._walker = PinnedWalker(self.model, self.data, self.legs)
+        sizes = [self.model.geom(name).size for name in DETECTED_LINKS]
         self._capsules = [(2.0 * float(size[1]), float(size[0])) for size in sizes]  # [m] length, thickness
         self._begin()
 
     def _begin(self) -> None:
         self._ticks = 0
         self._q, self._dq = np.zeros(5), np.zeros(5)
-        self._walker.leg, self._walker.foothold[:] = 0, (0.0, self._terrain.height(0.0))
+        self._walker.leg, self._walker.foothold[:] = 0, (0.0, self.terrain.height(0.0))
         self._torque = np.zeros(4)  # [N.m]
         self._force_time = np.zeros((2, 2))  # [N.s] ground force (x, z) on each foot, integrated over the hold
         self._push = np.zeros(2)  # [N]
         self._forces: tuple[AppliedForce, ...] = ()
         self.impact: Impact | None = None
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """The compiled model, for viewers."""
-        return self._model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's data, for viewers."""
-        return self._data
 
     def reset(self, q: Vector, dq: Vector, stance: str) -> None:
         """Put the walker on its stance foot.
@@ -146,22 +113,17 @@ class RigidPlant:
         Raises:
             UserError: `stance` is not a leg, or an angle or a rate is not finite.
         """
-        if stance not in LEGS:
-            raise UserError(f'stance = {stance!r}: must be "left" or "right"')
-        for name, vector, unit in (("q", q, "rad"), ("dq", dq, "rad/s")):
-            if np.shape(vector) != (5,) or not np.isfinite(vector).all():
-                order = ", ".join(COORDINATES)
-                raise UserError(f"{name} = {vector} [{unit}]: must be 5 finite numbers, ordered as {order}")
+        leg = check_start(q, dq, stance)
         self._begin()
         self._q, self._dq = np.array(q, dtype=float), np.array(dq, dtype=float)
-        self._walker.leg = LEGS.index(stance)
+        self._walker.leg = leg
         ahead, height, rate = self._swing_foot(self._q, self._dq)
         if abs(height) <= ON_GROUND and ahead > 0.0 and rate < 0.0:
             self._land(0.0)
 
     def observe(self) -> Observation:
         """What ideal sensors read now."""
-        return Observation(t=self._ticks * self._period, q=self._q.copy(), dq=self._dq.copy(), contact=self._contact())
+        return Observation(t=self._ticks * self.period, q=self._q.copy(), dq=self._dq.copy(), contact=self._contact())
 
     def state(self) -> PlantState:
         """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
@@ -170,13 +132,13 @@ class RigidPlant:
         other = walker.foothold + walker.swing_foot(self._q, self._dq)[:2]
         foot = np.array((walker.foothold, other) if walker.leg == 0 else (other, walker.foothold))
         clearance, contact_force = [], []
-        for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self._period).tolist(), strict=True):
-            ground = self._terrain.under(x)
+        for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self.period).tolist(), strict=True):
+            ground = self.terrain.under(x)
             cos, sin = math.cos(ground.angle), math.sin(ground.angle)
             clearance.append((z - ground.height(x)) * cos)
             contact_force.append((fx * cos + fz * sin, fz * cos - fx * sin))
         return PlantState(
-            t=self._ticks * self._period,
+            t=self._ticks * self.period,
             q=self._q.copy(),
             dq=self._dq.copy(),
             hip=hip,
@@ -202,23 +164,20 @@ class RigidPlant:
             ValueError: `u` is not finite or not four numbers: a defect of the controller.
             PlantDiverged: the state is not finite any more.
         """
-        if len(u) != len(JOINTS) or not math.isfinite(sum(u.tolist())):
-            raise ValueError(f"u = {u} [N.m]: must be {len(JOINTS)} finite torques, ordered as {JOINTS}")
-        for applied in forces:
-            if applied.body not in self._body_id:
-                raise UserError(f'force on body = "{applied.body}": must be one of {", ".join(BODIES)}')
+        check_torque(u)
+        self._check_forces(forces)
         self._torque = np.clip(u, -self.torque_limits, self.torque_limits)
         self._forces = tuple(forces)
         self._push = np.sum([applied.force for applied in forces], axis=0) if forces else np.zeros(2)
         self._walker.load(self._torque, self._forces)
         self._force_time[:] = 0.0
-        step = self._period / self._substeps
-        for substep in range(self._substeps):
-            self._advance(self._ticks * self._period + substep * step, step)
+        step = self.period / self.substeps
+        for substep in range(self.substeps):
+            self._advance(self._ticks * self.period + substep * step, step)
         self._ticks += 1
         if not math.isfinite(sum(self._q.tolist()) + sum(self._dq.tolist())):
             raise PlantDiverged(
-                f"the plant diverged in the hold up to t = {self._ticks * self._period:.3f} s: "
+                f"the plant diverged in the hold up to t = {self._ticks * self.period:.3f} s: "
                 f"q = {self._q.tolist()}, dq = {self._dq.tolist()}"
             )
 
@@ -266,7 +225,7 @@ class RigidPlant:
         x, z, dx, dz = self._walker.swing_foot(q, dq)
         foot_x, foot_z = self._walker.foothold.tolist()
         at = foot_x + x
-        ground = self._terrain.under(at)
+        ground = self.terrain.under(at)
         height = foot_z + z - ground.height(at)
         return x, height, dz - math.tan(ground.angle) * dx
 
@@ -277,12 +236,12 @@ class RigidPlant:
         """Links whose capsule reaches the ground, of those the other plant senses."""
         left, right, _, _, torso = self._q.tolist()
         x, z = hip
-        hip_height = z - self._terrain.height(x)
+        hip_height = z - self.terrain.height(x)
         found = []
         for name, angle, (length, thickness) in zip(
             DETECTED_LINKS, (torso, torso + left, torso + right), self._capsules, strict=True
         ):
             end_x, end_z = x - length * math.sin(angle), z + length * math.cos(angle)
-            if hip_height < thickness or end_z - self._terrain.height(end_x) < thickness:
+            if hip_height < thickness or end_z - self.terrain.height(end_x) < thickness:
                 found.append(name)
         return tuple(found)

@@ -19,11 +19,11 @@ class PinnedWalker:
         legs: Lengths of the legs.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Args: model: the compiled walker; data: MuJoCo's, which is written."""
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, legs: LegGeometry) -> None:
+        """Args: model: the compiled walker; data: MuJoCo's, which is written; legs: their lengths."""
         self._model, self._data = model, data
         self._qpos, self._qvel = data.qpos, data.qvel  # live views, written only
-        self.legs = LegGeometry.of(model)
+        self.legs = legs
         self._work = work = np.zeros(1, kernels.WORK)
         # Views into the record, which compiled code reads and writes.
         self._leg, self.foothold, self._y = work["leg"], work["foothold"][0], work["y"][0]

@@ -106,7 +106,7 @@ def _try(rig: Rig, periodic: Vector, offset: Vector, force: float, epsilon: floa
         return "converged" if distance(tape.states[-1], periodic) < epsilon else None
 
     push = Push(force=force, body="torso", step=1)
-    summary = rig.run(tape, q=rig.q_start + offset, torso_offset=0.0, pushes=(push,), steps=steps, stop=converged)
+    summary = rig.run(tape, q=rig.q_start + offset, pushes=(push,), steps=steps, stop=converged)
     fate = {
         Outcome.INTERRUPTED.value: Fate.CONVERGED,
         Outcome.COMPLETED.value: Fate.UNDECIDED,

@@ -81,7 +81,7 @@ def _rig(scenario: str) -> Rig:
 def walk(scenario: str) -> dict[str, NDArray[Any]]:
     """One run: its time histories (`Record.arrays`), "outcome" as an index of `OUTCOMES`, "steps" completed."""
     rig = _rig(scenario)
-    record = Record(rig.torque_limits)
+    record = Record(rig.plant.torque_limits)
     summary = rig.run(record)
     return {
         **record.arrays(rig.scenario.controller.period),

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from sim.errors import UserError
-from sim.log.format.fields import LEGS, OUTPUTS
+from sim.interface import LEGS
+from sim.log.format.fields import OUTPUTS
 from sim.log.read import Log
 from sim.log.read.frames import Run, run_of
 from sim.review import facts

@@ -23,6 +23,9 @@ from sim.walkers import ModelFiles
 MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")
 """Figures of a summary that depend on the machine."""
 
+SINCE = ("judged_by", "scuff_depth_m", "scuff_time_s")
+"""Figures that logs written before they were invented do not have."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verdict:
@@ -164,4 +167,5 @@ def _figures(logged: dict[str, str], summary: RunSummary | None) -> tuple[str, .
     if summary is None:
         return ("outcome",)
     now = {k: v if isinstance(v, str) else json.dumps(v) for k, v in dataclasses.asdict(summary).items()}
-    return tuple(name for name, text in now.items() if name not in MEASURED and logged.get(name) != text)
+    ignored = {*MEASURED, *(name for name in SINCE if name not in logged)}
+    return tuple(name for name, text in now.items() if name not in ignored and logged.get(name) != text)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.interface import COORDINATES, JOINTS
-from sim.log.format.fields import LEGS, OUTPUTS
+from sim.interface import COORDINATES, JOINTS, LEGS
+from sim.log.format.fields import OUTPUTS
 from sim.log.read.frames import Run
 
 Column = NDArray[np.float64]

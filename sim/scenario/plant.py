@@ -1,6 +1,7 @@
 """Settings of the true walker and its world: integration, ground, modelling errors."""
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -16,6 +17,7 @@ from controller.units import (
     Second,
     Unit,
 )
+from sim.errors import UserError
 from sim.scenario.per_link import (
     BodyFactors,
     BodyLengths,
@@ -164,3 +166,25 @@ class PlantSettings:
     joint_friction: JointTorques = dataclasses.field(default_factory=JointTorques)
     armature: JointInertias = dataclasses.field(default_factory=JointInertias)
     torque_limit_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
+
+
+WHOLE_TOLERANCE = 1e-9  # relative, for "a whole number of substeps"
+
+
+def whole_substeps(timestep: float, period: float) -> int:
+    """Number of physics steps of `timestep` in a control period, both in [s].
+
+    Raises:
+        UserError: it is no whole number.
+    """
+    if not (math.isfinite(timestep) and timestep > 0.0):
+        raise UserError(f"plant.timestep = {timestep} s: must be positive")
+    ratio = period / timestep
+    substeps = max(1, round(ratio)) if math.isfinite(ratio) else 1
+    if abs(ratio - substeps) > WHOLE_TOLERANCE * substeps:
+        legal = [period / n for n in (math.ceil(ratio), math.floor(ratio)) if n] if math.isfinite(ratio) else [period]
+        raise UserError(
+            f"plant.timestep = {timestep} s: must divide controller.period = {period} s a whole number of times; "
+            f"the nearest legal values are {' and '.join(f'{value:.6g} s' for value in legal)}"
+        )
+    return substeps

@@ -6,7 +6,6 @@ flags and help, and the log follow.
 """
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -21,7 +20,7 @@ from controller.units import (
     Unit,
 )
 from sim.errors import UserError
-from sim.scenario.plant import PlantSettings
+from sim.scenario.plant import PlantSettings, whole_substeps
 from sim.scenario.signals import ActuationSettings, SensorSettings
 from sim.settings import tree as settings
 
@@ -118,7 +117,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         settings.check(self)
-        _check_timestep(self.plant.timestep, self.controller.period)
+        whole_substeps(self.plant.timestep, self.controller.period)
         for index, push in enumerate(self.pushes):
             _check_when(push, f"pushes.{index}")
 
@@ -130,18 +129,7 @@ class Scenario:
     @property
     def substeps(self) -> int:
         """Physics steps in one control period."""
-        return round(self.controller.period / self.plant.timestep)
-
-
-def _check_timestep(timestep: float, period: float) -> None:
-    ratio = period / timestep
-    whole = max(1, round(ratio)) if math.isfinite(ratio) else 1
-    if abs(ratio - whole) > 1e-9 * whole:
-        near = period / whole
-        raise UserError(
-            f"plant.timestep = {timestep!r} s: must divide controller.period = {period!r} s "
-            f"a whole number of times; the nearest legal value is {near:.6g} s"
-        )
+        return whole_substeps(self.plant.timestep, self.controller.period)
 
 
 def _check_when(push: Push, path: str) -> None:

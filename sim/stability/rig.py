@@ -1,18 +1,17 @@
 """A plant and a controller put together once, for many runs: other starts, pushes and ends, the same walker."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim.interface import Controller, Plant, Vector
-from sim.loop import FallCriteria, Loop, Outcome, RunSummary, Stop, Tape
-from sim.plant.kinematics import LEGS
+from sim.loop import Course, Loop, Outcome, RunSummary, Stop, Tape
 from sim.scenario import Push, Scenario
 from sim.stability.sections import SectionTape, Surface
 from sim.stability.step_map import Fell
 
-FIRST_STANCE = LEGS[0]
 MAP_TIME = 3.0  # [s] allowed for the one step of a step map
 
 
@@ -21,30 +20,24 @@ class Rig:
     """A walker ready to start, as often as one likes; equal starts give equal runs.
 
     Attributes:
-        scenario: What it was built from; its pushes and offsets are defaults of `run`.
+        scenario: What it was built from; its name and its settings are for reports.
         plant: The truth.
         walker: Makes the plant as the controller meets it, with new sensors and motors.
         controller: The law.
-        com: Centre of mass (x, z) of each link in its own frame in [m], by link name.
-        torque_limits: In [N.m], (4,), ordered as `JOINTS`.
         q_start: First angles in body order in [rad], (5,), without the scenario's offsets.
-        dq_start: Their rates in [rad/s], (5,).
+        course: What the scenario puts the walker through.
         x_gait: The gait's own pre-impact state in stance order, (10,): a first guess of the periodic one.
         surface: The switching surface.
-        criteria: When a run counts as a fall.
     """
 
     scenario: Scenario
     plant: Plant
     walker: Callable[[], Plant]
     controller: Controller
-    com: dict[str, tuple[float, float]]
-    torque_limits: Vector
     q_start: Vector
-    dq_start: Vector
+    course: Course
     x_gait: Vector
     surface: Surface
-    criteria: FallCriteria
 
     def run(
         self,
@@ -52,7 +45,6 @@ class Rig:
         *,
         q: Vector | None = None,
         dq: Vector | None = None,
-        torso_offset: float | None = None,
         pushes: Sequence[Push] | None = None,
         steps: int | None = None,
         end_time: float | None = None,
@@ -64,37 +56,25 @@ class Rig:
             tape: Where ticks and events go.
             q: First angles in body order in [rad], (5,); by default the scenario's start.
             dq: First rates in [rad/s], (5,).
-            torso_offset: Added to the torso angle alone in [rad]; by default the scenario's.
             pushes: External forces; by default the scenario's.
             steps: Steps after which the run is completed; by default the scenario's.
             end_time: Time after which it ends anyway in [s]; by default the scenario's, or 2 s for each step.
             stop: Asked every tick; a reason ends the run as interrupted.
         """
-        start = self.scenario.start
-        q = self.q_start + np.array(start.q_change) if q is None else np.array(q)
-        dq = self.dq_start + np.array(start.dq_offset) if dq is None else np.array(dq)
-        q[-1] += start.torso_offset if torso_offset is None else torso_offset
-        walker = self.walker()
-        walker.reset(q, dq, FIRST_STANCE)
-        self.controller.reset(FIRST_STANCE)
-        steps = self.scenario.steps if steps is None else steps
-        return Loop(
-            plant=walker,
-            controller=self.controller,
-            pushes=self.scenario.pushes if pushes is None else pushes,
-            com=self.com,
-            stance=FIRST_STANCE,
+        steps = self.course.steps if steps is None else steps
+        course = dataclasses.replace(
+            self.course,
+            q=self.course.q if q is None else q,
+            dq=self.course.dq if dq is None else dq,
+            pushes=self.course.pushes if pushes is None else pushes,
             steps=steps,
-            end_time=end_time or max(self.scenario.end_time, 2.0 * steps),
-            tape=tape,
-            torque_limits=self.torque_limits,
-            period=self.scenario.controller.period,
-            criteria=self.criteria,
-        ).run(stop=stop)
+            end_time=end_time or max(self.course.end_time, 2.0 * steps),
+        )
+        return Loop(plant=self.walker(), controller=self.controller, course=course, tape=tape).run(stop=stop)
 
     def sections(self) -> SectionTape:
         """A tape for the section states of the next run."""
-        return SectionTape(self.surface, self.plant, FIRST_STANCE)
+        return SectionTape(self.surface, self.plant, self.course.stance)
 
     def step_map(self, x: Vector) -> Vector:
         """The section state after one undisturbed step from a section state, both (10,) in stance order.
@@ -105,7 +85,7 @@ class Rig:
             Fell: the walker falls first.
         """
         tape = self.sections()
-        summary = self.run(tape, q=x[:5], dq=x[5:], torso_offset=0.0, pushes=(), steps=2, end_time=MAP_TIME)
+        summary = self.run(tape, q=x[:5], dq=x[5:], pushes=(), steps=2, end_time=MAP_TIME)
         if summary.outcome != Outcome.COMPLETED.value:
             raise Fell(summary.fall_reason or summary.message)
         following: Vector = tape.states[-1]
@@ -120,7 +100,8 @@ class Rig:
             Fell: the walker falls on the way.
         """
         tape = self.sections()
-        summary = self.run(tape, torso_offset=0.0, pushes=(), steps=steps)
+        q = self.q_start + np.array(self.scenario.start.q_change)  # the torso not tilted
+        summary = self.run(tape, q=q, pushes=(), steps=steps)
         if summary.outcome != Outcome.COMPLETED.value:
             raise Fell(f"falls in step {summary.steps + 1}: {summary.fall_reason or summary.message}")
         return np.array(tape.states[-keep:])

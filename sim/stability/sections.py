@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from sim.interface import ControlStep, Observation, PlantState, Vector
-from sim.plant.kinematics import LEGS, LegGeometry
+from sim.interface import LEGS, ControlStep, Observation, PlantState, Vector
+from sim.plant.kinematics import LegGeometry
 
 _SWAPPED = np.array([1, 0, 3, 2, 4])
 _NEWTON_STEPS = 8

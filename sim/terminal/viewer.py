@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from sim.errors import UserError
 from sim.loop import Stop
-from sim.plant import MujocoPlant, RigidPlant
+from sim.plant import Walker
 
 EXTENT = 2.0  # [m] of what is looked at
 FRAME = 1 / 60  # [s]
@@ -27,7 +27,7 @@ def check_display() -> None:
 
 
 @contextlib.contextmanager
-def viewer(plant: MujocoPlant | RigidPlant, period: float, stop: Stop | None) -> Iterator[Stop]:
+def viewer(plant: Walker, period: float, stop: Stop | None) -> Iterator[Stop]:
     """Show a plant while it runs, no faster than real time; closing the window ends the run.
 
     Args:

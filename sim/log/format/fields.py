@@ -8,7 +8,7 @@ bytes of a message have a fixed layout.
 from dataclasses import dataclass
 from enum import Enum
 
-from sim.interface import COORDINATES, FEET, JOINTS, Status
+from sim.interface import COORDINATES, JOINTS, LEGS, Status
 
 PACKAGE = "cmpc"
 """Protobuf package of every message below."""
@@ -19,15 +19,13 @@ OUTPUTS = ("stance_hip", "swing_hip", "stance_knee", "swing_knee")
 LINKS = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
 """Links of the walker, root first."""
 
-LEGS = ("left", "right")
-"""Code of a leg -> name; also the order of the feet (`FEET`)."""
-
 STATUSES = tuple(status.value for status in Status)
 """Code of a status -> `ControlStep.status`. A status not listed here is logged as "other", its text as an
 event. Codes are part of the file format: append, never reorder."""
 
 STATUS_CODES = {status: code for code, status in enumerate(STATUSES)}
 LEG_CODES = {leg: code for code, leg in enumerate(LEGS)}
+"""Part of the file format, as the codes of a status."""
 
 
 class Kind(Enum):
@@ -89,8 +87,6 @@ def _per_foot(prefix: str, axes: tuple[str, str], unit: str, description: str) -
 
 _TN = ("tangential", "normal")
 _XZ = ("x", "z")
-
-assert FEET == tuple(f"{leg}_foot" for leg in LEGS)
 
 PLANT_STATE = ChannelTable(
     "/plant/state",

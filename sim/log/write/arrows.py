@@ -8,8 +8,7 @@ from math import atan2, cos, hypot, sin
 
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from sim.interface import PlantState
-from sim.log.format.fields import LEGS
+from sim.interface import LEGS, PlantState
 from sim.log.write.scene import WORLD, link_poses, set_time
 
 CONTACT_SCALE = 1.0 / 1000.0  # [m/N]: the weight of the walker is drawn 0.3 m long

@@ -16,8 +16,8 @@ from mcap.records import Message
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.interface import ControlStep, Observation, PlantState
-from sim.log.format.fields import CHANNELS, LEGS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
+from sim.interface import LEGS, ControlStep, Observation, PlantState
+from sim.log.format.fields import CHANNELS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
 from sim.log.format.schema import SCHEMA, channel_metadata, closure, full_name
 from sim.log.write.arrows import GroundAngle, arrows_of, force_update
 from sim.log.write.block import TickBlock

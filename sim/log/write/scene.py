@@ -12,8 +12,8 @@ from typing import Any
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from sim.interface import COORDINATES, PlantState
-from sim.log.format.fields import LEGS, LINKS
+from sim.interface import COORDINATES, LEGS, PlantState
+from sim.log.format.fields import LINKS
 
 WORLD = "world"
 _RADIUS = 0.025  # [m] of the drawn links
