@@ -40,8 +40,7 @@ def state_of(gait, z):
     return q, dq
 
 
-@pytest.fixture
-def closed_loop(model, bent, gains):
+def closed_loop_of(model, bent, gains):
     """z, u_mpc -> dz/dt, ZD+PD torque and contact force, stacked; with the stage it was evaluated in."""
 
     def at(z, u_mpc):
@@ -56,6 +55,11 @@ def closed_loop(model, bent, gains):
         return np.r_[f, stage.u, force + per_torque @ u_mpc], stage
 
     return at
+
+
+@pytest.fixture
+def closed_loop(model, bent, gains):
+    return closed_loop_of(model, bent, gains)
 
 
 def test_output_coordinates_are_a_bijection(bent, walking_states):

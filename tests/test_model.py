@@ -8,7 +8,7 @@ import pytest
 from conftest import RABBIT
 
 from controller.belief import WalkerModel
-from controller.belief.model import B, lump
+from controller.belief.model import B, Joints, lump
 from controller.errors import UserError
 from controller.records import Leg, swap_legs
 
@@ -44,7 +44,7 @@ def test_input_matrix_leaves_the_torso_unactuated(model):
 
 def test_work_is_energy_without_damping(model, walker, gait):
     """Over 0.3 s energy grows by the work of the torques; halving Runge-Kutta's step gains 16 times."""
-    undamped = lump(model.torso, model.femur, model.tibia, np.zeros(4), 9.81)
+    undamped = lump(model.torso, model.femur, model.tibia, Joints(), 9.81)
     free = WalkerModel(model.path)
     free.lumped = undamped
     u = np.array([20.0, -10.0, 5.0, 3.0])  # [N.m]
@@ -67,7 +67,7 @@ def test_work_is_energy_without_damping(model, walker, gait):
 
 def test_damping_takes_energy(model, random_states):
     undamped = WalkerModel(model.path)
-    undamped.lumped = lump(model.torso, model.femur, model.tibia, np.zeros(4), 9.81)
+    undamped.lumped = lump(model.torso, model.femur, model.tibia, Joints(), 9.81)
     for q, dq in random_states(50, seed=4):
         D = model.dynamics(q, dq).D
         lost = dq @ D @ (undamped.acceleration(q, dq, np.zeros(4)) - model.acceleration(q, dq, np.zeros(4)))
@@ -173,7 +173,9 @@ def test_another_topology(tmp_path):
         (r'iyy="1.33"', 'iyy="0"', ["inertia", "0.0 kg m^2", "above 0"]),
         (r'iyy="0.47"', 'iyy="-0.47"', ["inertia", "left_hip", "-0.47 kg m^2"]),
         (r'<origin xyz="0 0 0"/>', '<origin xyz="0.1 0 0"/>', ["left_hip", "torso's origin"]),
-        (r'<origin xyz="0 0 0.24"/>', '<origin xyz="0.02 0 0.24"/>', ["centre of mass", "0.02", " m;"]),
+        (r'<origin xyz="0 0 0.24"/>', '<origin xyz="0 0.02 0.24"/>', ["centre of mass", "0.02", " m;"]),
+        (r'<origin xyz="0 0 0"/>', '<origin xyz="0 0 0" rpy="0 3.14159 0"/>', ["left_hip", "rotated", "walker new"]),
+        (r'<dynamics damping="5" friction="0"/>', '<mimic joint="left_hip"/>', ["left_knee", "mimics"]),
         (r'<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 -0.4"/>', ["left_knee", "-0.4", " m;", "above 0 m"]),
         (r'<mass value="6.8"/>', '<mass value="7"/>', ["left and right leg differ"]),
         (r'effort="75"', 'effort="0"', ["effort limit", "N.m", "above 0"]),

@@ -6,10 +6,11 @@ combination of the d(phi_i), so that
 
     D_ij = A_ij cos(phi_i - phi_j),  (C dphi)_i = sum_j A_ij sin(phi_i - phi_j) dphi_j^2,  G_i = -g b_i sin phi_i
 
-with constants A (5, 5) and b (5,) that `model.py` derives from the URDF. Links are ordered stance femur, swing
-femur, stance tibia, swing tibia, torso; `phi = H q` maps the paper's coordinates onto them. Everything is in SI
-units. Small loops are written out because LAPACK calls cost more than the arithmetic at this size, and no
-`fastmath`: results must be the same bytes everywhere.
+with constants A (5, 5) and b (5,) that `model.py` derives from the URDF. What walkers may have beyond that (centres of
+mass off their links' axes, rotor inertia, springs, dry friction) has constants of its own and costs the others nothing.
+Links are ordered stance femur, swing femur, stance tibia, swing tibia, torso; `phi = H q` maps the paper's coordinates
+onto them. Everything is in SI units. Small loops are written out because LAPACK calls cost more than the arithmetic at
+this size, and no `fastmath`: results must be the same bytes everywhere.
 """
 
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from controller.compiled import Array, compiled, inlined
 
 N_Q = 5  # coordinates: stance hip, swing hip, stance knee, swing knee, torso
 N_U = 4  # actuated joints
+STICK = 0.05  # [rad/s] below which a joint counts as sticking, in the belief's smooth friction
 SMALL_ANGLE = 0.05  # [rad] the series of `turn` are good to rounding below it
 MIRROR = (1, 0, 3, 2, 4)  # leg exchange R as a permutation, the same for q and for phi
 
@@ -37,6 +39,15 @@ class Walker(NamedTuple):
         damping: Joint damping in [N.m.s/rad], (4,).
         mass: Total mass in [kg].
         gravity: Gravitational acceleration in [m/s^2].
+        extended: Whether any of the next four is not zero; they are read only then.
+        A_across, A_impact_across: What centres of mass off their links' axes add to A and A_impact, of the sine of
+            phi_i - phi_j instead of the cosine, in [kg m^2], (5, 5), the first antisymmetric.
+        b_across: What they add to b, at right angles to the links, in [kg m], (5,).
+        rotor: Rotor inertia seen by the links, the same in every posture, in [kg m^2], (5, 5).
+        resists: Whether any of the next two is not zero; the last three are read only then.
+        friction: Dry friction of the joints in [N.m], (4,).
+        stiffness: Of springs in the joints in [N.m/rad], (4,).
+        rest: Angles at which the springs are slack in [rad], (4,).
     """
 
     A: Array
@@ -46,6 +57,15 @@ class Walker(NamedTuple):
     damping: Array
     mass: float
     gravity: float
+    extended: bool
+    A_across: Array
+    A_impact_across: Array
+    b_across: Array
+    rotor: Array
+    resists: bool
+    friction: Array
+    stiffness: Array
+    rest: Array
 
 
 class GaitTable(NamedTuple):
@@ -219,6 +239,35 @@ def turn(q: Array, dq: Array, stage: Stage) -> None:
         stage.cos[i] = c - (s * sine + c * less)
 
 
+@compiled
+def extend_inertia(walker: Walker, stage: Stage) -> None:
+    """What rotors and centres of mass off their links' axes add to D and C dphi + G."""
+    for i in range(N_Q):
+        stage.bias[i] += walker.gravity * walker.b_across[i] * stage.cos[i]
+        for j in range(N_Q):
+            across = walker.A_across[i, j]
+            sine = stage.sin[i] * stage.cos[j] - stage.cos[i] * stage.sin[j]
+            cosine = stage.cos[i] * stage.cos[j] + stage.sin[i] * stage.sin[j]
+            stage.D[i, j] += walker.rotor[i, j] + across * sine
+            stage.bias[i] -= across * cosine * stage.dphi[j] * stage.dphi[j]
+
+
+@compiled
+def resistance(walker: Walker, i: int, q: float, dq: float) -> float:
+    """Torque of spring and dry friction against joint i at angle q [rad] and rate dq [rad/s], in [N.m].
+
+    Friction is smooth about standstill: the sign of the rate as tanh(dq / `STICK`).
+    """
+    return walker.friction[i] * np.tanh(dq / STICK) + walker.stiffness[i] * (q - walker.rest[i])
+
+
+@compiled
+def resistance_slopes(walker: Walker, i: int, dq: float) -> tuple[float, float]:
+    """Derivatives of `resistance` by rate in [N.m.s/rad] and by angle in [N.m/rad]."""
+    stick = np.tanh(dq / STICK)
+    return walker.friction[i] * (1.0 - stick * stick) / STICK, walker.stiffness[i]
+
+
 @inlined
 def link_inertia(walker: Walker, stage: Stage) -> None:
     """D and C dphi + G in link coordinates."""
@@ -234,6 +283,8 @@ def link_inertia(walker: Walker, stage: Stage) -> None:
             coriolis = a * (stage.sin[i] * stage.cos[j] - stage.cos[i] * stage.sin[j])
             stage.bias[i] += coriolis * stage.dphi[j] * stage.dphi[j]
             stage.bias[j] -= coriolis * stage.dphi[i] * stage.dphi[i]
+    if walker.extended:
+        extend_inertia(walker, stage)
 
 
 @inlined
@@ -253,6 +304,11 @@ def accelerate(walker: Walker, dq: Array, u: Array, stage: Stage) -> None:
     tau = np.zeros(N_Q)
     for i in range(N_U):
         tau[i] = u[i] - walker.damping[i] * dq[i]
+    if walker.resists:
+        q = stage.ddq
+        from_links(stage.phi, q)
+        for i in range(N_U):
+            tau[i] -= resistance(walker, i, q[i], dq[i])
     # Joint torques act on links as H^-T B tau.
     x = stage.ddphi
     x[0] = tau[0] - tau[2] - stage.bias[0]
@@ -353,6 +409,9 @@ def closed_loop(
     stage.u[1] = hip_swing + knee_swing + walker.damping[1] * dq[1]
     stage.u[2] = knee_stance + walker.damping[2] * dq[2]
     stage.u[3] = knee_swing + walker.damping[3] * dq[3]
+    if walker.resists:
+        for i in range(N_U):
+            stage.u[i] += resistance(walker, i, q[i], dq[i])
     return theta, dtheta
 
 
@@ -369,6 +428,9 @@ def stance_force(walker: Walker, stage: Stage, force: Array) -> None:
         square = stage.dphi[i] * stage.dphi[i]
         tangential += walker.b[i] * (stage.sin[i] * square - stage.cos[i] * stage.ddphi[i])
         normal -= walker.b[i] * (stage.cos[i] * square + stage.sin[i] * stage.ddphi[i])
+        if walker.extended:
+            tangential -= walker.b_across[i] * (stage.cos[i] * square + stage.sin[i] * stage.ddphi[i])
+            normal -= walker.b_across[i] * (stage.sin[i] * square - stage.cos[i] * stage.ddphi[i])
     force[0] = tangential
     force[1] = normal
 
@@ -395,6 +457,9 @@ def stance_force_per_torque(walker: Walker, stage: Stage, per_torque: Array) -> 
         for i in range(N_Q):
             tangential -= walker.b[i] * stage.cos[i] * stage.link_BtDinv[j, i]
             normal -= walker.b[i] * stage.sin[i] * stage.link_BtDinv[j, i]
+            if walker.extended:
+                tangential -= walker.b_across[i] * stage.sin[i] * stage.link_BtDinv[j, i]
+                normal += walker.b_across[i] * stage.cos[i] * stage.link_BtDinv[j, i]
         per_torque[0, j] = tangential
         per_torque[1, j] = normal
 
@@ -425,6 +490,9 @@ def impact(walker: Walker, q: Array, dq: Array, stage: Stage) -> None:
         for j in range(N_Q):
             cosine = stage.cos[i] * stage.cos[j] + stage.sin[i] * stage.sin[j]
             p += walker.A_impact[i, j] * cosine * stage.dphi[j]
+            if walker.extended:
+                sine = stage.sin[i] * stage.cos[j] - stage.cos[i] * stage.sin[j]
+                p += (walker.A_impact_across[i, j] * sine + walker.rotor[i, j]) * stage.dphi[j]
         momentum[MIRROR[i]] = p
         stage.ddq[MIRROR[i]] = q[i]
     for i in range(N_Q):

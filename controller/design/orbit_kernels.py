@@ -97,6 +97,9 @@ def momentum(walker: Walker, stage: Stage, out: Array) -> None:
     for i in range(N_Q):
         out[0] -= walker.b[i] * stage.cos[i] * stage.dphi[i]
         out[1] -= walker.b[i] * stage.sin[i] * stage.dphi[i]
+        if walker.extended:
+            out[0] -= walker.b_across[i] * stage.sin[i] * stage.dphi[i]
+            out[1] += walker.b_across[i] * stage.cos[i] * stage.dphi[i]
 
 
 @compiled

@@ -87,10 +87,16 @@ def impact_jacobian(
             a = walker.A_impact[i, k]
             cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
             sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            rotor = 0.0
+            if walker.extended:
+                across = walker.A_impact_across[i, k]
+                cosine += across * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+                sine -= across * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
+                rotor = walker.rotor[i, k]
             by_phi = sine * stage.dphi[k] if k != i else 0.0
             own -= by_phi
             for m in range(N_Z):
-                momentum_z[row, m] += by_phi * phi_z[k, m] + cosine * dphi_z[k, m]
+                momentum_z[row, m] += by_phi * phi_z[k, m] + (cosine + rotor) * dphi_z[k, m]
         for m in range(N_Z):
             momentum_z[row, m] += own * phi_z[i, m]
             new_phi_z[row, m] = phi_z[i, m]
@@ -104,6 +110,8 @@ def impact_jacobian(
             for k in range(5):
                 if k != i:
                     sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+                    if walker.extended:
+                        sine -= walker.A_across[i, k] * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
                     v -= sine * stage.dphi[k] * (new_phi_z[k, m] - new_phi_z[i, m])
             x[i] = v
         cholesky5_solve(stage.L, x)

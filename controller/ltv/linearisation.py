@@ -71,11 +71,19 @@ def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array)
     """Derivatives of link torques tau_i = sum_j A_ij (cos_ij ddphi_j + sin_ij dphi_j^2) - g b_i sin phi_i and force."""
     for i in range(5):
         own = -walker.gravity * walker.b[i] * stage.cos[i]
+        if walker.extended:
+            own -= walker.gravity * walker.b_across[i] * stage.sin[i]
         for k in range(5):
             a = walker.A[i, k]
             cosine = a * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
             sine = a * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
-            D[i, k] = cosine
+            rotor = 0.0
+            if walker.extended:
+                across = walker.A_across[i, k]
+                cosine += across * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+                sine -= across * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
+                rotor = walker.rotor[i, k]
+            D[i, k] = cosine + rotor
             R[i, k] = 2.0 * sine * stage.dphi[k]
             P[i, k] = 0.0
             if k != i:
@@ -91,6 +99,14 @@ def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array)
         R[6, i] = -2.0 * b * cosine * stage.dphi[i]
         D[5, i] = -b * cosine
         D[6, i] = -b * sine
+        if walker.extended:
+            b = walker.b_across[i]
+            P[5, i] += b * (sine * square - cosine * stage.ddphi[i])
+            P[6, i] -= b * (cosine * square + sine * stage.ddphi[i])
+            R[5, i] -= 2.0 * b * cosine * stage.dphi[i]
+            R[6, i] -= 2.0 * b * sine * stage.dphi[i]
+            D[5, i] -= b * sine
+            D[6, i] += b * cosine
 
 
 @compiled
@@ -151,6 +167,12 @@ def derive(
         out.torque[i, DY + i] += walker.damping[i]
         out.torque[i, THETA] += walker.damping[i] * rate[i]
         out.torque[i, DTHETA] += walker.damping[i] * stage.h1[i]
+        if walker.resists:
+            per_rate, per_angle = kernels.resistance_slopes(walker, i, stage.dy[i] + stage.h1[i] * dtheta)
+            out.torque[i, Y + i] += per_angle
+            out.torque[i, DY + i] += per_rate
+            out.torque[i, THETA] += per_rate * rate[i] + per_angle * stage.h1[i]
+            out.torque[i, DTHETA] += per_rate * stage.h1[i]
     kernels.factor_inertia(stage)
     kernels.responses(stage)
     kernels.stance_force_per_torque(walker, stage, out.force_u)
@@ -192,11 +214,16 @@ def add_held_torque(
         own = 0.0
         for k in range(5):
             sine = walker.A[i, k] * (stage.sin[i] * stage.cos[k] - stage.cos[i] * stage.sin[k])
+            if walker.extended:
+                sine -= walker.A_across[i, k] * (stage.cos[i] * stage.cos[k] + stage.sin[i] * stage.sin[k])
             change[i, k] = -sine * a[k]
             own -= change[i, k]
         change[i, i] += own
         change[5, i] = walker.b[i] * stage.sin[i] * a[i]
         change[6, i] = -walker.b[i] * stage.cos[i] * a[i]
+        if walker.extended:
+            change[5, i] -= walker.b_across[i] * stage.cos[i] * a[i]
+            change[6, i] -= walker.b_across[i] * stage.sin[i] * a[i]
     by_z = out.by_z  # columns y, theta
     ddq = np.empty(5)
     x = np.empty((5, 5))  # a row a column of z
@@ -214,6 +241,9 @@ def add_held_torque(
         for i in range(5):
             tangential -= walker.b[i] * stage.cos[i] * x[column, i]
             normal -= walker.b[i] * stage.sin[i] * x[column, i]
+            if walker.extended:
+                tangential -= walker.b_across[i] * stage.sin[i] * x[column, i]
+                normal += walker.b_across[i] * stage.cos[i] * x[column, i]
         out.force[0, m] += tangential
         out.force[1, m] += normal
         kernels.from_links(x[column], ddq)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from controller.belief import WalkerModel, load_gait
 from controller.belief.model import Link
@@ -13,7 +12,7 @@ from controller.design.check import check, requirements_of
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
 from sim.loop import Outcome
-from sim.plant.mechanics import ORDER, Mechanics
+from sim.plant.mechanics import Mechanics
 from sim.scenario import Scenario, with_values
 from sim.walkers import WalkerFolder
 from sim.walkers import new as walker_files
@@ -123,27 +122,15 @@ def _complaint(link: Link) -> str:
 def _agreement(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
     """The URDF's mass matrix, bias and feet against the MJCF's, at random states."""
     plant = Mechanics(folder.mjcf)
-    belief = model.pinocchio
-    data = belief.createData()
-    feet = [belief.getFrameId(f"{side}_foot") for side in ("left", "right")]
-    # Pinocchio orders joints by name within a tree, the plant as its file does.
-    first = [belief.joints[belief.getJointId(name)].idx_v for name in ORDER[3:]]
-    order = [0, 1, 2, *first]
     rng = np.random.default_rng(0)
     worst = {"mass matrix": 0.0, "Coriolis, centrifugal and gravity terms": 0.0, "feet": 0.0}
     for _ in range(STATES):
         q, dq = rng.uniform(-1.0, 1.0, 7), rng.uniform(-3.0, 3.0, 7)
-        x, dx = np.empty(7), np.empty(7)
-        x[order], dx[order] = q, dq
-        D = pin.crba(belief, data, x)
-        D = np.triu(D) + np.triu(D, 1).T
-        bias = pin.nonLinearEffects(belief, data, x, dx)
-        pin.framesForwardKinematics(belief, data, x)
-        tips = np.array([data.oMf[i].translation[[0, 2]] for i in feet])
+        D, bias, tips = model.unpinned(q, dq)
         there = plant.at(q, dq)
         for name, mine, its in (
-            ("mass matrix", D[np.ix_(order, order)], there.inertia),
-            ("Coriolis, centrifugal and gravity terms", bias[order], there.bias),
+            ("mass matrix", D, there.inertia),
+            ("Coriolis, centrifugal and gravity terms", bias, there.bias),
             ("feet", tips, there.feet),
         ):
             worst[name] = max(worst[name], float(np.abs(mine - its).max() / np.abs(its).max()))
