@@ -17,7 +17,6 @@ from sim.reproduce import (
     draw,
     measure,
     report,
-    tasks,
 )
 from sim.reproduce.experiments import (
     fig3,
@@ -30,13 +29,15 @@ from sim.reproduce.experiments import (
     table2,
 )
 from sim.reproduce.panels import LinePanel, Series, thinned
-from sim.reproduce.study import PLANTS, Effort, Evaluation, Finding, Task, Verdict
+from sim.reproduce.study import PLANTS, Effort, Evaluation, Finding, Verdict
+from sim.runner import Stopped, Task, TaskStore, run_tasks
+from sim.runner.tasks import work
 
 
 def run(module, effort: Effort) -> Evaluation:
     """An experiment, run here and now."""
     measure._rig.cache_clear()
-    results = {name: tasks.work(task) for name, task in module.tasks(effort).items()}
+    results = {name: work(task) for name, task in module.tasks(effort).items()}
     measure._rig.cache_clear()
     return module.evaluate(results, effort)
 
@@ -267,40 +268,45 @@ def test_the_search_for_a_force_brackets_it() -> None:
 # Keeping results
 
 
-def counted(value: float) -> dict:
-    counted.calls += 1
+def counted(value: float, calls: str) -> dict:
+    with open(calls, "a") as file:
+        file.write("x")
     return {"x": np.array(value)}
 
 
-counted.calls = 0
-
-
 @pytest.fixture
-def store(tmp_path) -> tasks.Store:
-    return tasks.Store(tmp_path / "tasks")
+def store(tmp_path) -> TaskStore:
+    return TaskStore(tmp_path / "tasks")
 
 
-def few(*values: float) -> dict[str, Task]:
-    return {f"{v:g}": Task(function="tests.test_reproduce:counted", arguments={"value": v}) for v in values}
+def few(store: TaskStore, *values: float) -> dict[str, Task]:
+    calls = str(store.folder / "calls")
+    return {f"{v:g}": Task(function=f"{__name__}:counted", arguments={"value": v, "calls": calls}) for v in values}
 
 
-@pytest.fixture(autouse=True)
-def this_module(monkeypatch) -> None:
-    import sys
-
-    monkeypatch.setitem(sys.modules, "tests.test_reproduce", sys.modules[__name__])
-    counted.calls = 0
+def calls(store: TaskStore) -> int:
+    return len((store.folder / "calls").read_text())
 
 
 def test_results_are_kept_and_damaged_ones_made_again(store) -> None:
-    wanted = few(1.0, 2.0)
-    tasks.run(wanted, store, workers=1)
-    tasks.run(wanted, store, workers=1)
-    assert counted.calls == 2
-    store.path(wanted["1"]).write_bytes(b"PK\x03\x04 half a file")
-    tasks.run(wanted, store, workers=1)
-    assert counted.calls == 3
+    wanted = few(store, 1.0, 2.0)
+    run_tasks(wanted, store, workers=1)
+    run_tasks(wanted, store, workers=1)
+    assert calls(store) == 2
+    store._db.execute(
+        "UPDATE results SET arrays = ? WHERE key = ?", (b"PK\x03\x04 half a file", store.key(wanted["1"]))
+    )
+    run_tasks(wanted, store, workers=1)
+    assert calls(store) == 3
     assert store.get(wanted["1"])["x"] == 1.0
+
+
+def test_a_task_that_reads_another_file_has_another_result(store, tmp_path) -> None:
+    (tmp_path / "gait").write_text("a")
+    task = dataclasses.replace(few(store, 1.0)["1"], files=(str(tmp_path / "gait"),))
+    before = store.key(task)
+    (tmp_path / "gait").write_text("b")
+    assert store.key(task) != before != store.key(few(store, 1.0)["1"])
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(store) -> None:
@@ -308,10 +314,10 @@ def test_an_interrupted_run_goes_on_where_it_stopped(store) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        tasks.run(few(1.0, 2.0, 3.0), store, workers=1, finished=interrupt)
+        run_tasks(few(store, 1.0, 2.0, 3.0), store, workers=1, finished=interrupt)
     finished: list[str] = []
-    tasks.run(few(1.0, 2.0, 3.0), store, workers=1, finished=finished.append)
-    assert counted.calls == 3
+    run_tasks(few(store, 1.0, 2.0, 3.0), store, workers=1, finished=finished.append)
+    assert calls(store) in (3, 4)  # a worker may have begun the next
     assert sorted(finished) == ["1", "2", "3"]
 
 
@@ -322,16 +328,16 @@ def test_a_request_to_stop_is_heeded_and_what_is_finished_is_kept(store, workers
         str(i): Task(function="sim.reproduce.measure:walk", arguments={"scenario": s}) for i, s in enumerate(steps)
     }
     finished: list[str] = []
-    with pytest.raises(tasks.Stopped, match="enough"):
-        tasks.run(wanted, store, workers=workers, finished=finished.append, stop=lambda: "enough" if finished else None)
+    with pytest.raises(Stopped, match="enough"):
+        run_tasks(wanted, store, workers=workers, finished=finished.append, stop=lambda: "enough" if finished else None)
     assert finished and all(store.get(wanted[name]) is not None for name in finished)
 
 
 def test_equal_tasks_are_run_once(store) -> None:
-    task = few(1.0)["1"]
+    task = few(store, 1.0)["1"]
     finished: list[str] = []
-    tasks.run({"a": task, "b": task}, store, workers=1, finished=finished.append)
-    assert counted.calls == 1
+    run_tasks({"a": task, "b": task}, store, workers=1, finished=finished.append)
+    assert calls(store) == 1
     assert finished == ["a", "b"]
 
 
@@ -344,10 +350,10 @@ def test_workers_bring_back_the_same_bytes(store) -> None:
         for name, offset in (("a", 0.0), ("b", 0.01))
     }
     shown: list[tuple[float, float]] = []
-    tasks.run(wanted, store, workers=2, progress=lambda *now: shown.append(now))
+    run_tasks(wanted, store, workers=2, progress=lambda *now: shown.append(now))
     assert shown[-1] == (2.0, 2.0)
     for name, task in wanted.items():
-        here, there = tasks.work(task), store.get(task)
+        here, there = work(task), store.get(task)
         for key in here.keys() - {"tick_ms"}:
             assert here[key].tobytes() == there[key].tobytes(), (name, key)
 
@@ -355,7 +361,7 @@ def test_workers_bring_back_the_same_bytes(store) -> None:
 def test_a_folder_that_cannot_be_written_is_named(tmp_path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match=r"--out .*file"):
-        tasks.Store(tmp_path / "file" / "tasks")
+        TaskStore(tmp_path / "file" / "tasks")
 
 
 # Writing

@@ -4,7 +4,6 @@ Beliefs only: nothing here touches a plant. That a designed gait walks in MuJoCo
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from controller.design.requirements import Requirements
 from controller.fitting import library
 from controller.records import ROLES
 from sim.errors import UserError
+from sim.runner import Ended, Pool
 from sim.walkers import WalkerFolder
 
 __all__ = [
@@ -205,13 +205,15 @@ def library_gaits(
                 jobs.append((str(folder.urdf.parent), request, degree, starts))
             else:
                 say(f"{path.name}: is there")
-    with ProcessPoolExecutor(workers) as pool:
-        for line in pool.map(_library_job, jobs):
-            say(line)
+    with Pool(_library_job, workers=workers) as pool:
+        for end in pool.run(jobs):
+            if end.how is not Ended.DONE:
+                raise RuntimeError(f"gait of {end.argument[1]}: {end.message}\n{end.detail}")
+            say(end.value)
     return [folder.gaits / library.file_name(length, speed) for length in lengths for speed in speeds]
 
 
-def _library_job(job: tuple[str, dict[str, Any], int, int]) -> str:
+def _library_job(_: None, job: tuple[str, dict[str, Any], int, int]) -> str:
     walker, request, degree, starts = job
     found, made = design_gait(
         walker,

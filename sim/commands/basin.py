@@ -12,6 +12,7 @@ from sim.errors import UserError
 from sim.scenario import Scenario, to_toml, with_value
 from sim.settings import flags
 from sim.terminal.interrupt import stop_on_signal
+from sim.walkers import ModelFiles
 
 DEFAULT = "undisturbed"
 OUT = Path("logs/basin")
@@ -95,15 +96,17 @@ def _map(
     workers: int,
     quiet: bool,
 ) -> int:
-    from sim.reproduce import draw, report, tasks
+    from sim.reproduce import draw, report
     from sim.reproduce.basin import Fate, Grid
     from sim.reproduce.experiments import fig8
-    from sim.reproduce.study import CONTROLLER_NAMES, CONTROLLERS, PLANT_NAMES, Task
+    from sim.reproduce.study import CONTROLLER_NAMES, CONTROLLERS, PLANT_NAMES
+    from sim.runner import Stopped, Task, TaskStore, run_tasks
     from sim.terminal.progress import progress_bar
 
     draw.require()
     grid = Grid.of(torso, force)
-    store = tasks.Store(out / "tasks")
+    store = TaskStore(out / "tasks")
+    files = tuple(str(path) for path in ModelFiles.of(scenario).read)
     wanted = {}
     for controller in CONTROLLERS:
         text = to_toml(with_value(scenario, "controller.kind", controller))
@@ -119,11 +122,12 @@ def _map(
                     "steps": limit,
                 },
                 cost=3.0 if controller == "c-mpc" else 1.0,
+                files=files,
             )
     with stop_on_signal() as stop, progress_bar("mapping", quiet=quiet) as show:
         try:
-            tasks.run(wanted, store, workers=workers, progress=show, stop=stop)
-        except tasks.Stopped as reason:
+            run_tasks(wanted, store, workers=workers, progress=show, stop=stop)
+        except Stopped as reason:
             print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
             return 128 + stop.signum
     results = {name: store.get(task) or {} for name, task in wanted.items()}

@@ -4,17 +4,19 @@ import importlib
 import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from sim.commands.options import add_quiet, add_workers
 from sim.errors import UserError
 from sim.reproduce import EXPERIMENTS
-from sim.scenario import Scenario
+from sim.scenario import Scenario, with_values
 from sim.settings import flags
 from sim.terminal import console
 from sim.terminal.interrupt import stop_on_signal
 from sim.terminal.progress import progress_bar
+from sim.walkers import ModelFiles
 
 OUT, OUT_QUICK = Path("logs/reproduce"), Path("logs/reproduce-quick")
 WIDTH = 200  # columns of a table that goes to a file
@@ -71,14 +73,19 @@ def _names(given: Sequence[str]) -> list[str]:
 def _reproduce(
     names: Sequence[str], out: Path, changes: Mapping[str, Any], *, quick: bool, workers: int, silent: bool
 ) -> int:
-    from sim.reproduce import draw, report, tasks
+    from sim.reproduce import draw, report
     from sim.reproduce.study import Effort, Evaluation
+    from sim.runner import Stopped, TaskStore, run_tasks
 
     draw.require()
-    store = tasks.Store(out / "tasks")
+    store = TaskStore(out / "tasks")
     effort = Effort(quick=quick, changes=changes)
     modules = {name: importlib.import_module(f"sim.reproduce.experiments.{name}") for name in EXPERIMENTS}
-    wanted = {name: module.tasks(effort) for name, module in modules.items()}
+    files = tuple(str(path) for path in ModelFiles.of(with_values(Scenario(), changes)).read)
+    wanted = {
+        name: {key: replace(task, files=files) for key, task in module.tasks(effort).items()}
+        for name, module in modules.items()
+    }
     everything = {f"{name}:{key}": task for name in names for key, task in wanted[name].items()}
     open_tasks = {name: len(wanted[name]) for name in names}
     done: dict[str, Evaluation] = {}
@@ -104,8 +111,8 @@ def _reproduce(
 
     with stop_on_signal() as stop, progress_bar("reproducing", quiet=silent) as show:
         try:
-            tasks.run(everything, store, workers=workers, progress=show, finished=finished, stop=stop)
-        except tasks.Stopped as reason:
+            run_tasks(everything, store, workers=workers, progress=show, finished=finished, stop=stop)
+        except Stopped as reason:
             print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
             return 128 + stop.signum
     _print_verdicts({name: done[name] for name in names})

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.reproduce.panels import Panel
+from sim.runner import Task as Task
 from sim.scenario import Scenario, to_toml, with_values
 
 PLANTS = ("rigid", "mujoco")
@@ -26,21 +27,6 @@ TORQUE_LIMITS = np.array([75.0, 75.0, 50.0, 50.0])  # [N.m], Sec. IV
 Arrays = Mapping[str, NDArray[Any]]
 Results = Mapping[str, Arrays]
 """Results of an experiment's tasks, by the names `tasks` gave them."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
-    """A piece of work for a worker process; equal tasks have equal results and are run once.
-
-    Attributes:
-        function: "module:function", which returns arrays by name.
-        arguments: Its arguments; plain values.
-        cost: Rough effort, for the time left: simulated seconds, those under C-MPC counted several times.
-    """
-
-    function: str
-    arguments: Mapping[str, Any]
-    cost: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

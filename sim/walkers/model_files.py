@@ -37,6 +37,12 @@ class ModelFiles:
         folder = WalkerFolder.find(scenario.walker)
         return cls(mjcf=folder.mjcf, urdf=folder.urdf, gait=folder.gait(scenario.gait), library=folder.gaits)
 
+    @property
+    def read(self) -> tuple[Path, ...]:
+        """Every file that may decide a run: the three, and the gaits of the library."""
+        library = sorted(self.library.glob("*.toml"))
+        return (self.mjcf, self.urdf, self.gait, *(path for path in library if path != self.gait))
+
 
 def library_json(folder: Path) -> bytes:
     """All gait files of a folder as one attachment: their names and texts."""
