@@ -76,7 +76,6 @@ def test_every_engine_model_and_solver_the_program_requires_is_recorded():
         "rich",
         "foxglove-schemas-protobuf",
         "zstandard",
-        "joblib",
     }  # show or pack results, change none
     assert required - without_influence <= set(provenance.PACKAGES)
 

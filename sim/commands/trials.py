@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sim.terminal.progress import Update
     from sim.trials.run import Results
     from sim.trials.run.campaign import Progress, Report
+    from sim.trials.run.store import Counts
 
 LEAST_TRIALS = 4  # of a benchmark
 EPILOG = """\
@@ -111,10 +112,15 @@ def _run(found: Namespace) -> int:
 
 def _reporter(update: "Update") -> "Report":
     def report(progress: "Progress") -> None:
-        survived = ", ".join(f"{name} {ok}/{done}" for name, (ok, done) in sorted(progress.survived.items()))
+        survived = ", ".join(_counted(name, counts) for name, counts in sorted(progress.counts.items()))
         update(progress.done, progress.known, f"survived: {survived}")
 
     return report
+
+
+def _counted(name: str, counts: "Counts") -> str:
+    unknown = f" ({counts.unknown} without a result)" if counts.unknown else ""
+    return f"{name} {counts.survived}/{counts.known}{unknown}"
 
 
 def _kinds(text: str) -> tuple[str, ...]:

@@ -36,8 +36,10 @@ class Plan:
         description: One sentence.
         seed: Root of every trial's seed.
         controllers: Kinds of controller; each is given the same trials.
-        wall_limit: Wall time after which a trial is given up as an error.
-        logs: Whether to keep the logs of trials that fell.
+        wall_limit: Wall time after which a trial is given up, and its process killed if it does not answer; such a
+            trial has no result, it neither survived nor fell.
+        retries: How often a trial that ended its process is tried again, alone on a worker.
+        logs: Whether to keep the logs of trials that did not survive.
         log_every: Keep the log of every n-th trial too; 0 for none.
         scenario: What every trial starts from; its controller's kind and its seed are set by the trial.
         grid: Grid studies.
@@ -50,6 +52,7 @@ class Plan:
     seed: Annotated[int, NOT_NEGATIVE] = 0
     controllers: tuple[str, ...] = ("c-mpc", "zd-pd")
     wall_limit: Annotated[Second, POSITIVE] = 120.0
+    retries: Annotated[int, Unit("times"), NOT_NEGATIVE] = 2
     logs: Literal["none", "falls"] = "none"
     log_every: Annotated[int, Unit("trials"), NOT_NEGATIVE] = 0
     scenario: Scenario = dataclasses.field(default_factory=Scenario)

@@ -5,11 +5,10 @@ import dataclasses
 import heapq
 import html
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from sim.errors import UserError
-from sim.loop import FallCriteria
 from sim.trials.plan import GridStudy, MarginStudy
 from sim.trials.plan.plan import to_toml
 from sim.trials.report.breaks import breaks_page
@@ -17,8 +16,10 @@ from sim.trials.report.grid_section import grid_section
 from sim.trials.report.margin_section import margin_section
 from sim.trials.report.page import controller_colour, document, key, number
 from sim.trials.report.random_section import random_section
+from sim.trials.report.summary import counted
 from sim.trials.run import Results, TrialResult
 from sim.trials.run.campaign import pending
+from sim.trials.run.store import Counts
 
 REPORT, BREAKS = "report.html", "breaks.html"
 MOST_FALLS = 100  # rows of the list of falls
@@ -71,11 +72,10 @@ def _write_plots(body: str, folder: Path) -> None:
 def _page(results: Results) -> Iterator[str]:
     plan = results.plan
     counts = results.store.counts()
-    done = sum(trials for _, trials in counts.values())
+    done = sum(one.done for one in counts.values())
     yield f"<h1>{html.escape(plan.name)}</h1><p class=lead>{html.escape(plan.description)}</p><p class=keys>"
     for place, name in enumerate(plan.controllers):
-        survived, trials = counts.get(name, (0, 0))
-        yield key(controller_colour(place), f"{name}: {survived} of {trials} trials survived")
+        yield key(controller_colour(place), f"{name}: {counted(counts.get(name, Counts()))}")
     yield f"</p><p class=muted>{done} trials, seed {plan.seed}. {_criteria(results)}</p>"
     if pending(plan, results.store):
         yield "<p><b>Not all trials have been run yet.</b> Margins whose search is not finished are left out.</p>"
@@ -93,23 +93,36 @@ def _page(results: Results) -> Iterator[str]:
 
 
 def _criteria(results: Results) -> str:
-    c, steps, limit = FallCriteria(), results.plan.scenario.steps, results.plan.scenario.end_time
+    """What the trials were judged by, as their runs recorded it."""
+    steps, limit, found = results.plan.scenario.steps, results.plan.scenario.end_time, results.store.criteria()
+    if not found:
+        return ""
+    names = ("step_length", "hip_height", "torso_tilt", "stall_time")
+    length, height, tilt, time = (_range([one[name] for one in found]) for name in names)
+    depths = [one["scuff_depth"] for one in found if "scuff_depth" in one]
+    scuff = f"the swing foot passes {_range(depths)} m below the ground, " if depths else ""
     return (
-        f"A trial survives when {steps} steps of at least {c.step_length:g} m are completed. It falls when the hip "
-        f"is less than {c.hip_height:g} m above the lower foot, the torso tilts beyond {c.torso_tilt:g} rad, a link "
-        f"other than a foot touches the ground, no step comes for {c.stall_time:g} s, the state is not finite, or "
-        f"{limit:g} s of simulated time are over. The controller knows nothing of what is varied."
+        f"A trial survives when {steps} steps of at least {length} m are completed. It falls when the hip is less than "
+        f"{height} m above the lower foot, the torso tilts beyond {tilt} rad, a link other than a foot touches the "
+        f"ground, {scuff}no step comes for {time} s, the state is not finite, or {limit:g} s of simulated time are "
+        "over. The controller knows nothing of what is varied."
     )
+
+
+def _range(values: Sequence[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
 def _falls(results: Results) -> Iterator[str]:
     """The first falls and errors, each with the id that runs it again."""
-    falls = sum(trials - survived for survived, trials in results.store.counts().values())
+    falls = sum(one.done - one.survived for one in results.store.counts().values())
     if not falls:
         return
     rows = (row for row in results if not row.survived)
-    shown = heapq.nsmallest(MOST_FALLS, rows, key=lambda row: (row.outcome != "error", row.trial, row.controller))
-    yield f"<details><summary>Falls and errors ({len(shown)} of {falls}; all are in results.csv)</summary>"
+    shown = heapq.nsmallest(MOST_FALLS, rows, key=lambda row: (row.known, row.trial, row.controller))
+    which = f"{len(shown)} of {falls}; all are in results.csv"
+    yield f"<details><summary>Falls, errors and trials given up ({which})</summary>"
     yield "<div class=wide><table><tr><th>trial<th>study<th>values<th class=number>steps<th class=number>time [s]"
     yield "<th>how it ended<th>what broke</tr>"
     for row in shown:

@@ -7,6 +7,7 @@ from sim.trials.plan import GridStudy, MarginStudy
 from sim.trials.plan.axis import label
 from sim.trials.report.findings import Side, grid_rows, random_findings, sides, weakest
 from sim.trials.run import Results, TrialResult
+from sim.trials.run.store import Counts
 
 DIRECTIONS = {-1: "down", 1: "up"}
 _UNITS = {
@@ -38,6 +39,12 @@ def _shown(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def counted(counts: Counts) -> str:
+    """How many trials walked, fell or came to no result."""
+    words = f"{counts.survived} walked, {counts.fell} fell"
+    return words + (f", {counts.unknown} without a result" if counts.unknown else "")
 
 
 def summarise(results: Results) -> str:

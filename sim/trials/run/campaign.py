@@ -11,17 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import UserError
-from sim.log import provenance
 from sim.trials.plan import MarginStudy, Plan
 from sim.trials.plan.margin import next_positions
 from sim.trials.plan.plan import differences
 from sim.trials.run import workers as pools
+from sim.trials.run.origin import origin, origin_differences
 from sim.trials.run.result import TrialResult
-from sim.trials.run.store import FILE, LOGS, Store, locked, set_aside
-from sim.trials.run.trial import TrialSpec
+from sim.trials.run.store import FILE, LOGS, Counts, Store, locked, set_aside
 
 MOST_DIFFERENCES = 5  # shown when a plan has changed
-MOST_CRASHES = 3  # times in a row a pool of processes may break
 
 Stop = Callable[[], str | None]
 
@@ -34,13 +32,13 @@ class Progress:
         done: Trials with a result, of all controllers.
         known: Trials known to be needed; margin studies find more as they go.
         new: Results since this call began.
-        survived: (survived, done) by controller.
+        counts: How the results ended, by controller.
     """
 
     done: int
     known: int
     new: int
-    survived: dict[str, tuple[int, int]]
+    counts: dict[str, Counts]
 
 
 Report = Callable[[Progress], None]
@@ -115,6 +113,7 @@ def run_plan(
     workers: int | None = None,
     client: Any = None,
     restart: bool = False,
+    mix: bool = False,
     report: Report | None = None,
     stop: Stop | None = None,
 ) -> Results:
@@ -126,29 +125,31 @@ def run_plan(
         workers: Processes on this machine; one a core by default.
         client: A `distributed.Client`, to run on its cluster instead.
         restart: Whether to set results of another plan aside instead of refusing.
+        mix: Whether to add to results found with other versions, sources or files.
         report: Told after each result.
-        stop: Asked after each result; a reason ends the campaign early.
+        stop: Asked a few times a second; a reason ends the campaign early.
 
     Raises:
-        UserError: the folder holds results of a different plan, or cannot be written.
+        UserError: the folder holds results of a different plan, or found with something else; it cannot be written.
     """
     if workers is not None and workers < 1:
         raise UserError(f"--workers = {workers}: must be 1 or above")
-    execute = pools.cluster(client) if client is not None else pools.local(workers or cores())
-    if out is None:
-        store = Store(None, write=True)
-        return _run(plan, store, None, execute, report, stop)
-    folder = Path(out).absolute()
+    folder = Path(out).absolute() if out is not None else None
+    campaign = pools.Campaign(plan=plan, folder=str(folder) if folder else None)
+    execute = pools.cluster(campaign, client) if client is not None else pools.local(campaign, workers or cores())
+    if folder is None:
+        return _run(plan, Store(None, write=True), execute, report, stop)
     with locked(folder):
         if restart:
             set_aside(folder)
         store = Store(folder / FILE, write=True)
         try:
             _check_plan(plan, store, folder)
-            logs = folder / LOGS
-            for left_over in logs.glob("*.partial"):
+            if not mix:
+                _check_origins(plan, store, folder, machine=client is None)
+            for left_over in (folder / LOGS).glob("*.partial"):
                 left_over.unlink()
-            return _run(plan, store, logs, execute, report, stop)
+            return _run(plan, store, execute, report, stop)
         except BaseException:
             store.close()
             raise
@@ -163,46 +164,52 @@ def _check_plan(plan: Plan, store: Store, folder: Path) -> None:
     there = store.plan()
     if there is None or there == plan:
         return
-    changed = differences(there, plan)
-    more = f"; and {len(changed) - MOST_DIFFERENCES} more" if len(changed) > MOST_DIFFERENCES else ""
     raise UserError(
-        f"--out {folder}: holds results of a plan that differs: {'; '.join(changed[:MOST_DIFFERENCES])}{more}. "
+        f"--out {folder}: holds results of a plan that differs: {_some(differences(there, plan))}. "
         "Use another folder, or --restart, which keeps them as a backup"
     )
 
 
-def _run(
-    plan: Plan, store: Store, logs: Path | None, execute: pools.Execute, report: Report | None, stop: Stop | None
-) -> Results:
+def _check_origins(plan: Plan, store: Store, folder: Path, *, machine: bool) -> None:
+    """Refuse to add to results that were found with something else."""
+    for controller in plan.controllers:
+        here = origin(plan.scenario, controller)
+        for there in store.origins_of(controller):
+            changed = origin_differences(there, here, machine=machine)
+            if changed:
+                raise UserError(
+                    f"--out {folder}: holds results of {controller} found with something else: {_some(changed)}. "
+                    "Use another folder, --restart, which keeps them as a backup, or --mix, which adds to them"
+                )
+
+
+def _some(changed: list[str]) -> str:
+    more = f"; and {len(changed) - MOST_DIFFERENCES} more" if len(changed) > MOST_DIFFERENCES else ""
+    return "; ".join(changed[:MOST_DIFFERENCES]) + more
+
+
+def _run(plan: Plan, store: Store, execute: pools.Execute, report: Report | None, stop: Stop | None) -> Results:
     if store.plan() is None:
-        store.set_plan(plan, provenance.package_versions())
-    crashes = new = 0
-    while missing := pending(plan, store):
+        store.set_plan(plan)
+    reason: str | None = None
+    new = 0
+
+    def ask() -> str | None:
+        nonlocal reason
+        reason = reason or (stop() if stop else None)
+        return reason
+
+    while (missing := pending(plan, store)) and not ask():
         counts = store.counts()
-        done = sum(number for _, number in counts.values())
+        done = sum(one.done for one in counts.values())
         known = done + len(missing)
-        specs = (
-            TrialSpec(plan=plan, controller=controller, index=index, logs=str(logs) if logs else None)
-            for controller, index in missing
-        )
-        try:
-            for result in execute(specs):
-                store.add(result)
-                new, done, crashes = new + 1, done + 1, 0
-                survived, number = counts.get(result.controller, (0, 0))
-                counts[result.controller] = (survived + result.survived, number + 1)
-                if report:
-                    report(Progress(done=done, known=known, new=new, survived=dict(counts)))
-                reason = stop() if stop else None
-                if reason:
-                    return Results(plan=plan, store=store, interrupted=reason)
-        except RuntimeError as error:  # loky's TerminatedWorkerError is one
-            crashes += 1
-            if not _is_crash(error) or crashes > MOST_CRASHES:
-                raise
-    return Results(plan=plan, store=store)
-
-
-def _is_crash(error: Exception) -> bool:
-    """Whether a worker process died, by the hand of the system or of a user."""
-    return type(error).__name__ in ("TerminatedWorkerError", "BrokenProcessPool")
+        for result, facts in execute(missing, ask):
+            store.add(result, facts)
+            new, done = new + 1, done + 1
+            before = counts.get(result.controller, Counts())
+            counts[result.controller] = Counts(
+                survived=before.survived + result.survived, known=before.known + result.known, done=before.done + 1
+            )
+            if report:
+                report(Progress(done=done, known=known, new=new, counts=dict(counts)))
+    return Results(plan=plan, store=store, interrupted=reason or "")

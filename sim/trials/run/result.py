@@ -2,20 +2,27 @@
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from sim.loop import Outcome, RunSummary
 from sim.trials.falls.cause import decisive
 from sim.trials.plan.axis import Value
 
 TIMING = ("wall_s", "solve_median_ms", "solve_p99_ms", "solve_max_ms", "tick_median_ms")
 """Fields of a result that differ from run to run; all others depend on plan, controller and index alone."""
 
+GAVE_UP = "gave up"
+ERROR = Outcome.ERROR.value
+WITH_RESULT = (Outcome.COMPLETED.value, Outcome.FELL.value)
+"""Outcomes that say something about the controller; the others are no result, neither survived nor fallen."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialResult:
-    """What came of a trial; a row of the results database.
+    """What came of a trial; a row of the results database. Fields of a `RunSummary` have its names and units.
 
     Attributes:
         controller: Kind of controller.
@@ -23,27 +30,13 @@ class TrialResult:
         study: Name of its study.
         values: Values of the study's axes by name, as JSON.
         seed: Seed of the scenario.
-        outcome: Value of `sim.loop.outcome.Outcome`; "error" for an exception or a trial given up.
-        survived: Whether the steps asked for were completed: no fall, no NaN, no error.
-        reason: Why it fell.
+        outcome: "completed", "fell", "error" for an exception or a lost process, or "gave up" for a trial that was
+            stopped at its wall limit; the last two are no result.
+        survived: Whether the steps asked for were completed.
         message: Detail of an error.
-        steps: Completed steps.
-        ticks: Control ticks.
-        time_s: Simulated time in [s]; of the fall, if it fell.
-        speed_m_s: Mean forward speed in [m/s].
-        step_time_s: Mean step time in [s].
-        step_length_m: Mean step length in [m].
-        peak_torque_Nm: Largest applied torque of any joint in [N.m].
-        peak_torque_ratio: Largest share of a joint's limit that was applied.
-        rms_torque_Nm: RMS of all joint torques in [N.m].
-        error_rms_rad: RMS of the outputs in [rad].
-        friction_max: Worst |F_T/F_N| of the stance foot.
-        slip_m: Distance the stance foot slid in [m].
-        fallbacks: Ticks in which the controller fell back.
-        slack_max_N: Largest softening of a contact-force row in [N].
-        state_digest: Fingerprint of the last state.
-        scuff_depth_m: Largest depth of the swing foot below the ground outside landings in [m].
-        scuff_time_s: Time it spent there in [s].
+        peak_torque_max_Nm: Largest applied torque of any joint in [N.m].
+        torque_share_max: Largest share of a joint's limit that was applied.
+        rms_torque_all_Nm: RMS of all joint torques in [N.m].
         solve_median_ms: Median solver time in [ms].
         solve_p99_ms: Its 99 % quantile.
         solve_max_ms: Its maximum.
@@ -52,6 +45,8 @@ class TrialResult:
         log: Name of the log in the results' folder, empty if none was kept.
         cause: What finally broke, the value of a `sim.trials.falls.cause.Cause`; empty unless it fell.
         evidence: Fields of the `sim.trials.falls.cause.Evidence` for it, as JSON.
+        judged_by: Criteria of steps and falls, a `RunSummary`'s `judged_by`, as JSON; empty without a result.
+        origin: Key of what it ran with: `Store.origins`.
     """
 
     controller: str
@@ -61,7 +56,7 @@ class TrialResult:
     seed: int
     outcome: str
     survived: bool
-    reason: str = ""
+    fall_reason: str = ""
     message: str = ""
     steps: int = 0
     ticks: int = 0
@@ -69,11 +64,11 @@ class TrialResult:
     speed_m_s: float | None = None
     step_time_s: float | None = None
     step_length_m: float | None = None
-    peak_torque_Nm: float | None = None
-    peak_torque_ratio: float | None = None
-    rms_torque_Nm: float | None = None
-    error_rms_rad: float | None = None
-    friction_max: float | None = None
+    peak_torque_max_Nm: float | None = None
+    torque_share_max: float | None = None
+    rms_torque_all_Nm: float | None = None
+    output_error_rms_rad: float | None = None
+    friction_ratio_max: float | None = None
     slip_m: float | None = None
     fallbacks: int = 0
     slack_max_N: float = 0.0
@@ -88,6 +83,18 @@ class TrialResult:
     log: str = ""
     cause: str = ""
     evidence: str = ""
+    judged_by: str = ""
+    origin: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a result: the walker walked to the end or fell."""
+        return self.outcome in WITH_RESULT
+
+    @property
+    def fell(self) -> bool:
+        """Whether the walker fell."""
+        return self.outcome == Outcome.FELL.value
 
     @property
     def axis_values(self) -> Mapping[str, Value]:
@@ -103,10 +110,39 @@ class TrialResult:
     @property
     def why(self) -> str:
         """Why it did not survive, empty if it did."""
-        return "" if self.survived else self.reason or self.message or self.outcome
+        return "" if self.survived else self.fall_reason or self.message or self.outcome
 
 
 def result_without_times(result: TrialResult) -> TrialResult:
-    """The part of a result that is a pure function of plan, controller and index."""
-    blank: dict[str, Any] = dict.fromkeys(TIMING, None) | {"wall_s": 0.0}
+    """The part of a result that is a pure function of plan, controller and index, whatever it ran with."""
+    blank: dict[str, Any] = dict.fromkeys(TIMING, None) | {"wall_s": 0.0, "origin": ""}
     return dataclasses.replace(result, **blank)
+
+
+_SHARED = [
+    field.name
+    for field in dataclasses.fields(RunSummary)
+    if field.name in TrialResult.__dataclass_fields__ and field.name not in ("log", "judged_by")
+]
+
+
+def figures_of(summary: RunSummary) -> dict[str, Any]:
+    """A run's summary as fields of a result; what is not finite becomes None, a run stopped early gave up."""
+    peaks, limits = summary.peak_torque_Nm, summary.torque_limit_Nm
+    rms = summary.rms_torque_Nm.values()
+    figures = {name: getattr(summary, name) for name in _SHARED} | {
+        "outcome": GAVE_UP if summary.outcome == Outcome.INTERRUPTED.value else summary.outcome,
+        "survived": summary.outcome == Outcome.COMPLETED.value,
+        "peak_torque_max_Nm": max(peaks.values(), default=None),
+        "torque_share_max": max((peaks[j] / limit for j, limit in limits.items() if limit > 0.0), default=None),
+        "rms_torque_all_Nm": math.sqrt(sum(value**2 for value in rms) / len(rms)) if rms else None,
+        "solve_median_ms": summary.solve_ms.get("median"),
+        "solve_p99_ms": summary.solve_ms.get("p99"),
+        "solve_max_ms": summary.solve_ms.get("max"),
+        "tick_median_ms": summary.tick_ms.get("median"),
+        "judged_by": json.dumps(summary.judged_by),
+    }
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in figures.items()
+    }

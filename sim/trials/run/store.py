@@ -6,12 +6,14 @@ and nothing else; the primary key makes a doubled trial impossible.
 
 import dataclasses
 import fcntl
+import json
 import os
 import sqlite3
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
@@ -19,9 +21,10 @@ from typing import Any, Self
 from sim.errors import UserError
 from sim.trials.plan import Plan
 from sim.trials.plan import plan as plans
-from sim.trials.run.result import TrialResult
+from sim.trials.run.origin import origin_key
+from sim.trials.run.result import WITH_RESULT, TrialResult
 
-VERSION = 2
+VERSION = 3
 """Version of the tables; no other is read."""
 
 LOG_PAGES = 100
@@ -49,6 +52,34 @@ _CREATE = (
 _INSERT = f"INSERT INTO trials VALUES ({', '.join('?' * len(_FIELDS))})"
 
 
+_KNOWN = f"outcome IN ({', '.join(repr(outcome) for outcome in WITH_RESULT)})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """How many trials ended how.
+
+    Attributes:
+        survived: Those that survived.
+        known: Those with a result: survived or fallen.
+        done: All, those without a result included.
+    """
+
+    survived: int = 0
+    known: int = 0
+    done: int = 0
+
+    @property
+    def fell(self) -> int:
+        """Those that fell."""
+        return self.known - self.survived
+
+    @property
+    def unknown(self) -> int:
+        """Those without a result."""
+        return self.done - self.known
+
+
 class Store:
     """Results of one plan in one folder."""
 
@@ -63,6 +94,7 @@ class Store:
             UserError: it cannot be opened, is no results database, or was made by a newer version.
         """
         self._where = str(path) if path else "results in memory"
+        self._origins: set[str] = set()
         if path and not write and not path.is_file():
             raise UserError(f"{path}: no results there; run cmpc trials PLAN --out {path.parent} first")
         with self._as_user_error():
@@ -84,6 +116,7 @@ class Store:
             raise UserError(f"{self._where}: is a database, but not of results")
         self._db.execute("BEGIN")
         self._db.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL)")
+        self._db.execute("CREATE TABLE origins (key TEXT PRIMARY KEY, facts TEXT NOT NULL)")
         self._db.execute(_CREATE)
         self._db.execute(f"PRAGMA user_version = {VERSION}")
         self._db.execute("COMMIT")
@@ -103,20 +136,52 @@ class Store:
             row = self._db.execute("SELECT value FROM meta WHERE key = 'plan'").fetchone()
         return plans.from_toml(row[0], f"plan stored in {self._where}") if row else None
 
-    def set_plan(self, plan: Plan, versions: dict[str, str]) -> None:
-        """Remember the plan and the versions its first trials ran with."""
-        rows = {"plan": plans.to_toml(plan), "plan_hash": plan.hash(), "versions": repr(versions)}
+    def set_plan(self, plan: Plan) -> None:
+        """Remember the plan."""
+        rows = {"plan": plans.to_toml(plan), "plan_hash": plan.hash()}
         with self._as_user_error():
             self._db.executemany("INSERT INTO meta VALUES (?, ?)", rows.items())
 
-    def add(self, result: TrialResult) -> None:
+    def add(self, result: TrialResult, origin: str = "") -> None:
         """Keep a result, safe from then on.
+
+        Args:
+            result: The result.
+            origin: What it ran with, as JSON.
 
         Raises:
             UserError: the disk is full or the file cannot be written.
         """
+        key = origin_key(origin) if origin else ""
         with self._as_user_error():
-            self._db.execute(_INSERT, tuple(getattr(result, name) for name in _FIELDS))
+            if key not in self._origins:
+                self._db.execute("INSERT OR IGNORE INTO origins VALUES (?, ?)", (key, origin))
+                self._origins.add(key)
+            values = (key if name == "origin" else getattr(result, name) for name in _FIELDS)
+            self._db.execute(_INSERT, tuple(values))
+
+    def origins(self) -> dict[str, str]:
+        """What the results were found with, as JSON, by the key that is in their rows."""
+        with self._as_user_error():
+            return dict(self._db.execute("SELECT key, facts FROM origins WHERE key IN (SELECT origin FROM trials)"))
+
+    def origins_of(self, controller: str) -> list[str]:
+        """What the results of a controller were found with, as JSON."""
+        query = "SELECT facts FROM origins WHERE key IN (SELECT DISTINCT origin FROM trials WHERE controller = ?)"
+        with self._as_user_error():
+            return [facts for (facts,) in self._db.execute(query, (controller,)) if facts]
+
+    def criteria(self) -> list[dict[str, float]]:
+        """What the results were judged by, each set of criteria once; more than one where the walker's size varies."""
+        query = "SELECT DISTINCT judged_by FROM trials WHERE judged_by != '' ORDER BY judged_by"
+        with self._as_user_error():
+            return [json.loads(text) for (text,) in self._db.execute(query)]
+
+    def forget(self, outcomes: Sequence[str]) -> int:
+        """Remove the results with these outcomes; their number."""
+        marks = ", ".join("?" * len(outcomes))
+        with self._as_user_error():
+            return self._db.execute(f"DELETE FROM trials WHERE outcome IN ({marks})", tuple(outcomes)).rowcount
 
     def done(self) -> set[tuple[str, int]]:
         """(controller, trial) of every result."""
@@ -124,8 +189,8 @@ class Store:
             return set(self._db.execute("SELECT controller, trial FROM trials"))
 
     def survivals(self, controller: str, first: int, last: int) -> dict[int, bool]:
-        """Whether the trials from `first` up to but not with `last` survived, by trial."""
-        query = "SELECT trial, survived FROM trials WHERE controller = ? AND trial >= ? AND trial < ?"
+        """Whether the trials from `first` up to but not with `last` survived, by trial; only those with a result."""
+        query = f"SELECT trial, survived FROM trials WHERE {_KNOWN} AND controller = ? AND trial >= ? AND trial < ?"
         with self._as_user_error():
             return {trial: bool(survived) for trial, survived in self._db.execute(query, (controller, first, last))}
 
@@ -144,11 +209,14 @@ class Store:
         """One result, None if there is none yet."""
         return next(self.results(controller, trial, trial + 1), None)
 
-    def counts(self) -> dict[str, tuple[int, int]]:
-        """(survived, done) by controller."""
-        query = "SELECT controller, sum(survived), count(*) FROM trials GROUP BY controller"
+    def counts(self) -> dict[str, Counts]:
+        """How many trials ended how, by controller."""
+        query = f"SELECT controller, sum(survived), sum({_KNOWN}), count(*) FROM trials GROUP BY controller"
         with self._as_user_error():
-            return {name: (survived, done) for name, survived, done in self._db.execute(query)}
+            return {
+                name: Counts(survived=survived, known=known, done=done)
+                for name, survived, known, done in self._db.execute(query)
+            }
 
     def close(self) -> None:
         """Close the file; the write-ahead log is folded into it and goes."""

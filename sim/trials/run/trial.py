@@ -1,14 +1,14 @@
 """One trial: a pure function of plan, controller and index."""
 
+import dataclasses
 import errno
 import functools
 import json
 import math
 import os
-import signal
+import re
 import threading
 import time
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from sim.scenario import Scenario
 from sim.trials.falls.witness import Witness
 from sim.trials.plan import GridStudy, MarginStudy, Plan
 from sim.trials.plan.axis import Value, changes, label, scenario_at
-from sim.trials.run.result import TrialResult
+from sim.trials.run.result import ERROR, TrialResult, figures_of
 
 WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
 LONGEST_MESSAGE = 300  # characters of an exception that a result keeps
@@ -110,27 +110,43 @@ def run_trial(spec: TrialSpec) -> TrialResult:
     Raises:
         UserError: the disk is full: no fault of the trial, and no result of it.
     """
-    plan, index = spec.plan, spec.index
-    began = time.perf_counter()
-    identity: dict[str, Any] = {"controller": spec.controller, "trial": index, "seed": trial_seed(plan, index)}
-    study, values = "", "{}"
+    plan, began = spec.plan, time.perf_counter()
     try:
-        study, found, _ = axis_values(plan, index)
-        values = json.dumps(found)
-        scenario = trial_scenario(plan, spec.controller, index)
-        _warm_up(scenario.walker, scenario.gait, scenario.controller.kind, scenario.controller.solver)
+        scenario = trial_scenario(plan, spec.controller, spec.index)
+        warm_up(spec)
         began = time.perf_counter()
         witness = Witness(scenario.controller.period)
         summary, log = _run(scenario, spec, began + plan.wall_limit, witness)
-        figures = _figures(summary) | _cause(summary, witness)
+        found = figures_of(summary) | _cause(summary, witness) | {"log": log}
     except Exception as error:
         if _disk_full(error):
             raise UserError(f"{spec.logs}: the disk is full; free some and give the same command again") from error
-        message = " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_MESSAGE]
-        wall = time.perf_counter() - began
-        failed: dict[str, Any] = {"outcome": Outcome.ERROR.value, "survived": False, "message": message}
-        return TrialResult(**identity, study=study, values=values, wall_s=wall, **failed)
-    return TrialResult(**identity, study=study, values=values, wall_s=time.perf_counter() - began, log=log, **figures)
+        failed = result_without_run(spec, ERROR, f"{type(error).__name__}: {error}")
+        return dataclasses.replace(failed, wall_s=time.perf_counter() - began, log=_kept_log(spec))
+    return TrialResult(**_identity(spec), **found, wall_s=time.perf_counter() - began)
+
+
+def result_without_run(spec: TrialSpec, outcome: str, message: str) -> TrialResult:
+    """Result of a trial that came to no end.
+
+    Args:
+        spec: Which trial.
+        outcome: `ERROR` or `GAVE_UP`.
+        message: What went wrong.
+    """
+    words = " ".join(message.split())[:LONGEST_MESSAGE]
+    return TrialResult(**_identity(spec), outcome=outcome, survived=False, message=words)
+
+
+def _identity(spec: TrialSpec) -> dict[str, Any]:
+    study, values, _ = axis_values(spec.plan, spec.index)
+    return {
+        "controller": spec.controller,
+        "trial": spec.index,
+        "study": study,
+        "values": json.dumps(values),
+        "seed": trial_seed(spec.plan, spec.index),
+    }
 
 
 def _disk_full(error: BaseException | None) -> bool:
@@ -142,9 +158,15 @@ def _disk_full(error: BaseException | None) -> bool:
     return False
 
 
+def warm_up(spec: TrialSpec) -> None:
+    """Compile and load what a trial needs, once a process, so that it is not on the trial's clock."""
+    scenario = spec.plan.scenario
+    _warm_up(scenario.walker, scenario.gait, spec.controller, scenario.controller.solver)
+
+
 @functools.cache
 def _warm_up(walker: str, gait: str, kind: str, solver: str) -> None:
-    """One step under a push, once a process, so that compiling the controller is not on a trial's clock."""
+    """One step under a push."""
     from sim.bridge.run import known_belief, run_scenario
 
     changes = {"walker": walker, "gait": gait, "controller.kind": kind, "controller.solver": solver, "steps": 1}
@@ -171,54 +193,29 @@ def _run(scenario: Scenario, spec: TrialSpec, deadline: float, tape: Tape) -> tu
         return run_scenario(scenario, stop=stop, belief=belief, tape=tape), ""
     folder = Path(spec.logs)
     folder.mkdir(parents=True, exist_ok=True)
-    name = f"{spec.controller}-{spec.index}.mcap"
-    growing = folder / f"{name}.{os.getpid()}-{threading.get_ident()}.partial"
+    growing = folder / f"{_log_name(spec)}.{os.getpid()}-{threading.get_ident()}.partial"
     try:
         summary = run_scenario(scenario, stop=stop, log=growing, belief=belief, tape=tape)
-        if always or summary.outcome == Outcome.FELL.value:
-            os.replace(growing, folder / name)
-            return summary, name
-        return summary, ""
+        if not always and summary.outcome == Outcome.COMPLETED.value:
+            return summary, ""
+        os.replace(growing, folder / _log_name(spec))
+        return summary, _log_name(spec)
+    except Exception as error:
+        if growing.is_file() and not _disk_full(error):
+            os.replace(growing, folder / _log_name(spec))
+        raise
     finally:
         growing.unlink(missing_ok=True)
 
 
-def _figures(summary: RunSummary) -> dict[str, Any]:
-    """A run's summary as fields of a result; an interrupted run is one that was given up."""
-    given_up = summary.outcome == Outcome.INTERRUPTED.value
-    peaks, limits = summary.peak_torque_Nm, summary.torque_limit_Nm
-    rms = summary.rms_torque_Nm.values()
-    figures = {
-        "outcome": Outcome.ERROR.value if given_up else summary.outcome,
-        "survived": summary.outcome == Outcome.COMPLETED.value,
-        "reason": summary.fall_reason,
-        "message": summary.message,
-        "steps": summary.steps,
-        "ticks": summary.ticks,
-        "time_s": summary.time_s,
-        "speed_m_s": summary.speed_m_s,
-        "step_time_s": summary.step_time_s,
-        "step_length_m": summary.step_length_m,
-        "peak_torque_Nm": max(peaks.values(), default=None),
-        "peak_torque_ratio": max((peaks[j] / limit for j, limit in limits.items() if limit > 0.0), default=None),
-        "rms_torque_Nm": math.sqrt(sum(value**2 for value in rms) / len(rms)) if rms else None,
-        "error_rms_rad": summary.output_error_rms_rad,
-        "friction_max": summary.friction_ratio_max,
-        "slip_m": summary.slip_m,
-        "fallbacks": summary.fallbacks,
-        "slack_max_N": summary.slack_max_N,
-        "state_digest": summary.state_digest,
-        "scuff_depth_m": summary.scuff_depth_m,
-        "scuff_time_s": summary.scuff_time_s,
-        "solve_median_ms": summary.solve_ms.get("median"),
-        "solve_p99_ms": summary.solve_ms.get("p99"),
-        "solve_max_ms": summary.solve_ms.get("max"),
-        "tick_median_ms": summary.tick_ms.get("median"),
-    }
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in figures.items()
-    }
+def _log_name(spec: TrialSpec) -> str:
+    kind = re.sub(r"[^\w.-]+", "-", spec.controller)  # one from outside is a path
+    return f"{kind}-{spec.index}.mcap"
+
+
+def _kept_log(spec: TrialSpec) -> str:
+    """Name of the log of a trial that raised, empty if it left none."""
+    return _log_name(spec) if spec.logs and (Path(spec.logs) / _log_name(spec)).is_file() else ""
 
 
 def _cause(summary: RunSummary, witness: Witness) -> dict[str, str]:
@@ -228,15 +225,3 @@ def _cause(summary: RunSummary, witness: Witness) -> dict[str, str]:
     limits = np.array([summary.torque_limit_Nm.get(joint, math.inf) for joint in JOINTS])
     cause, evidence = witness.verdict(limits)
     return {"cause": cause.value, "evidence": evidence.to_json()}
-
-
-def work(spec: TrialSpec) -> TrialResult:
-    """`run_trial` in a worker process.
-
-    Ctrl-C is for the parent, which then asks no more of its workers; what solvers warn of is counted in the
-    results, and would bury the progress.
-    """
-    warnings.simplefilter("ignore")
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return run_trial(spec)

@@ -1,75 +1,113 @@
-"""Where trials run: in this process, on this machine's cores, or on a Dask cluster; the results are the same."""
+"""Where trials run: in worker processes of this machine, or on a Dask cluster; the results are the same.
 
-import functools
+On a cluster each thread of a worker keeps a process of its own for trials, so that a trial which hangs or ends its
+process is killed and tried again there as it is here, and takes no neighbour along.
+"""
+
 import itertools
-import json
-import os
+import logging
+import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from sim.errors import UserError
 from sim.log import provenance
-from sim.trials.run.result import TrialResult
-from sim.trials.run.trial import (
-    LONGEST_MESSAGE,
-    TrialSpec,
-    axis_values,
-    run_trial,
-    trial_seed,
-    work,
-)
+from sim.runner import End, Ended, Pool
+from sim.runner.nursery import nursery
+from sim.runner.tasks import PRINTED
+from sim.trials.plan import Plan
+from sim.trials.run.origin import origin
+from sim.trials.run.result import ERROR, GAVE_UP, TrialResult
+from sim.trials.run.trial import TrialSpec, result_without_run, run_trial, warm_up
 
-Execute = Callable[[Iterable[TrialSpec]], Iterator[TrialResult]]
-"""Runs trials and yields their results in any order."""
+Stop = Callable[[], str | None]
+Id = tuple[str, int]
+"""Controller and number of a trial."""
+
+Execute = Callable[[Iterable[Id], Stop], Iterator[tuple[TrialResult, str]]]
+"""Runs trials and yields in any order their results and what they ran with; stops when there is a reason to."""
 
 CONNECT_TIMEOUT = 10.0  # [s]
-LOOK_FOR_PARENT = 1.0  # [s]
+GRACE = 1.0  # [s] a trial has beyond its wall limit to give itself up between two ticks, before it is killed
 IN_FLIGHT = 3  # trials a worker thread of a cluster has at hand
-RESTARTS = 3  # times a trial may take its worker with it before it counts as an error
+RESTARTS = 5  # workers a trial may lose on a cluster before it counts as an error
+SLICE = 0.2  # [s] between looks at a cluster's scheduler
 
 
-def here(specs: Iterable[TrialSpec]) -> Iterator[TrialResult]:
-    """Run trials one by one in this process."""
-    return map(run_trial, specs)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Campaign:
+    """What all trials of a campaign share.
 
-
-def local(workers: int) -> Execute:
-    """Run trials in `workers` processes of this machine; one runs in this process.
-
-    Args:
-        workers: Number of processes, 1 or more.
+    Attributes:
+        plan: The plan.
+        folder: Of the results; None to keep no logs.
     """
-    if workers == 1:
-        return here
 
-    parent = os.getpid()
+    plan: Plan
+    folder: str | None
 
-    def execute(specs: Iterable[TrialSpec]) -> Iterator[TrialResult]:
-        from joblib import Parallel, delayed, parallel_config
+    def spec(self, trial: Id) -> TrialSpec:
+        """One of its trials."""
+        return TrialSpec(plan=self.plan, controller=trial[0], index=trial[1], logs=self.logs)
 
-        with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
-            pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="3*n_jobs")
-        yield from pool(delayed(_work_for)(parent, spec) for spec in specs)
+    @property
+    def logs(self) -> str | None:
+        """Folder of its logs."""
+        return f"{self.folder}/logs" if self.folder else None
+
+
+def _prepare(campaign: Campaign, trial: Id) -> None:
+    warm_up(campaign.spec(trial))
+
+
+def _work(campaign: Campaign, trial: Id) -> tuple[TrialResult, str]:
+    result = run_trial(campaign.spec(trial))
+    return result, origin(campaign.plan.scenario, trial[0])
+
+
+def _pool(campaign: Campaign, workers: int) -> Pool:
+    return Pool(
+        _work,
+        campaign,
+        workers=workers,
+        deadline=campaign.plan.wall_limit + GRACE,
+        retries=campaign.plan.retries,
+        prepare=_prepare,
+        log=f"{campaign.folder}/{PRINTED}" if campaign.folder else None,
+    )
+
+
+def _outcome(campaign: Campaign, end: End) -> tuple[TrialResult, str]:
+    """The result of a trial however it ended."""
+    if end.how is Ended.DONE:
+        found: tuple[TrialResult, str] = end.value
+        return found
+    outcome = GAVE_UP if end.how is Ended.HUNG else ERROR
+    row = result_without_run(campaign.spec(end.argument), outcome, end.message)
+    return row, origin(campaign.plan.scenario, end.argument[0])
+
+
+def local(campaign: Campaign, workers: int) -> Execute:
+    """Run trials in `workers` processes of this machine, 1 or more."""
+
+    def execute(trials: Iterable[Id], stop: Stop) -> Iterator[tuple[TrialResult, str]]:
+        _warm(campaign)
+        with _pool(campaign, workers) as pool:
+            for end in pool.run(trials, stop):
+                yield _outcome(campaign, end)
 
     return execute
 
 
-def _work_for(parent: int, spec: TrialSpec) -> TrialResult:
-    """A trial in a process of this machine, which goes when its parent does: a killed campaign leaves none."""
-    _follow(parent)
-    return work(spec)
-
-
-@functools.cache
-def _follow(parent: int) -> None:
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(LOOK_FOR_PARENT)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+def _warm(campaign: Campaign) -> None:
+    """Compile and load once, for all workers to come; what is the user's own code is left to them."""
+    for kind in campaign.plan.controllers:
+        if ":" not in kind:
+            spec = campaign.spec((kind, 0))
+            nursery().warm(warm_up, (spec,), origin(campaign.plan.scenario, kind))
 
 
 def connect(address: str) -> Any:
@@ -82,6 +120,8 @@ def connect(address: str) -> Any:
         from distributed import Client
     except ImportError as error:
         raise UserError("--cluster: needs Dask; install cmpc-walker[cluster]") from error
+    for name in ("distributed", "tornado", "asyncio"):  # what goes wrong is said in one line, by us
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client: Any = Client(address, timeout=CONNECT_TIMEOUT)
     except (OSError, ValueError, TimeoutError) as error:
@@ -91,12 +131,13 @@ def connect(address: str) -> Any:
     return client
 
 
-def cluster(client: Any) -> Execute:
+def cluster(campaign: Campaign, client: Any) -> Execute:
     """Run trials on a Dask cluster.
 
-    A worker that dies takes its trials with it; Dask runs them again elsewhere.
+    A worker that is lost takes its trials with it; they are run again elsewhere.
 
     Args:
+        campaign: What all trials share.
         client: A connected `distributed.Client`.
 
     Raises:
@@ -104,56 +145,110 @@ def cluster(client: Any) -> Execute:
     """
     _check_versions(client)
 
-    def execute(specs: Iterable[TrialSpec]) -> Iterator[TrialResult]:
-        from distributed import as_completed
+    def execute(trials: Iterable[Id], stop: Stop) -> Iterator[tuple[TrialResult, str]]:
+        waiting = iter(trials)
+        ready: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        running: dict[str, tuple[Any, Id]] = {}
+        lost: dict[Id, int] = {}
 
-        queue = iter(specs)
-        names: dict[str, TrialSpec] = {}
-
-        def submit(some: Iterable[TrialSpec]) -> list[Any]:
-            futures = []
-            for spec in some:
-                future = client.submit(work, spec, pure=False, retries=RESTARTS)
-                names[future.key] = spec
-                futures.append(future)
-            return futures
+        def submit(trial: Id) -> None:
+            future = client.submit(_in_a_child, campaign, trial, pure=False)
+            running[future.key] = (future, trial)
+            future.add_done_callback(ready.put)
 
         threads = sum(client.nthreads().values())
-        running = as_completed(submit(itertools.islice(queue, IN_FLIGHT * max(1, threads))))
-        for future in running:
-            spec = names.pop(future.key)
-            yield _result(future, spec)
-            future.release()
-            for more in submit(itertools.islice(queue, 1)):
-                running.add(more)
+        for trial in itertools.islice(waiting, IN_FLIGHT * max(1, threads)):
+            submit(trial)
+        seen = time.monotonic()
+        try:
+            while running and not stop():
+                try:
+                    future = ready.get(timeout=SLICE)
+                except queue.Empty:
+                    seen = _still_there(client, seen)
+                    continue
+                _, trial = running.pop(future.key)
+                if future.status == "finished":
+                    yield _outcome(campaign, future.result())
+                elif isinstance(error := _error_of(future), UserError):  # a full disk
+                    raise error
+                else:
+                    seen = _still_there(client, seen)
+                    lost[trial] = lost.get(trial, 0) + 1
+                    if lost[trial] <= RESTARTS:
+                        submit(trial)
+                        continue
+                    what = f"{type(error).__name__}: {error}"
+                    yield _outcome(campaign, End(argument=trial, how=Ended.RAISED, message=what))
+                for more in itertools.islice(waiting, 1):
+                    submit(more)
+        finally:
+            _leave(client, [future for future, _ in running.values()])
 
     return execute
 
 
-def _result(future: Any, spec: TrialSpec) -> TrialResult:
-    """The result of a future; a trial that keeps killing its workers is an error of that trial."""
-    error = future.exception()
-    if error is None:
-        found: TrialResult = future.result()
-        return found
-    if isinstance(error, UserError):  # a full disk
-        raise error
-    return failed(spec, f"{type(error).__name__}: {error}")
+def _in_a_child(campaign: Campaign, trial: Id) -> End:
+    """A trial in a process of this thread of a cluster's worker, kept for those that follow."""
+    pool = getattr(_own, "pool", None)
+    if pool is None or _own.campaign != campaign:
+        if pool is not None:
+            pool.close()
+        _warm(campaign)
+        pool = _own.pool = _pool(campaign, 1)
+        _own.campaign = campaign
+        with _lock:
+            _pools.append(pool)
+    (end,) = pool.run([trial])
+    return end
 
 
-def failed(spec: TrialSpec, message: str) -> TrialResult:
-    """Result of a trial that could not be run to any end."""
-    study, values, _ = axis_values(spec.plan, spec.index)
-    return TrialResult(
-        controller=spec.controller,
-        trial=spec.index,
-        study=study,
-        values=json.dumps(values),
-        seed=trial_seed(spec.plan, spec.index),
-        outcome="error",
-        survived=False,
-        message=" ".join(message.split())[:LONGEST_MESSAGE],
-    )
+_own = threading.local()
+_pools: list[Pool] = []
+_lock = threading.Lock()
+
+
+def _close_children() -> None:
+    """End the processes that a cluster's worker keeps for trials."""
+    with _lock:
+        for pool in _pools:
+            pool.close()
+    nursery().close()
+
+
+def _leave(client: Any, futures: list[Any]) -> None:
+    """Ask the cluster for nothing more, and leave no process there."""
+    if client.status != "running":
+        return
+    try:
+        client.cancel(futures)
+        client.run(_close_children)
+    except Exception:  # it is gone, and its processes with it
+        return
+
+
+def _error_of(future: Any) -> BaseException | None:
+    try:
+        found: BaseException | None = future.exception(timeout=CONNECT_TIMEOUT)
+    except Exception as error:  # the future was cancelled or lost
+        return error
+    return found
+
+
+def _still_there(client: Any, seen: float) -> float:
+    """The time in [s], if the scheduler can be reached; else when it last could.
+
+    Raises:
+        UserError: it has been gone for too long.
+    """
+    now = time.monotonic()
+    comm = getattr(client, "scheduler_comm", None)
+    if client.status == "running" and not (comm is None or comm.comm.closed()):
+        return now
+    if client.status == "closed" or now - seen > CONNECT_TIMEOUT:
+        raise UserError("--cluster: the scheduler is gone; results so far are kept: the same command goes on")
+    time.sleep(SLICE)
+    return seen
 
 
 def _check_versions(client: Any) -> None:

@@ -1,0 +1,103 @@
+"""What a trial ran with: versions, sources, the files it read, the machine. Results of different origin do not mix."""
+
+import functools
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from sim.log import provenance
+from sim.scenario import Scenario
+from sim.walkers import ModelFiles
+
+ROOT = Path(__file__).resolve().parents[3]
+SOURCES = ("controller", "sim/bridge", "sim/loop", "sim/plant", "sim/scenario", "sim/trials/falls", "sim/walkers")
+"""Folders whose modules can change what a trial finds."""
+
+
+def origin(scenario: Scenario, controller: str) -> str:
+    """What a trial of a scenario with a kind of controller runs with, as JSON.
+
+    Args:
+        scenario: The plan's; its walker and gait are meant.
+        controller: Kind, or FILE.py:NAME of one from outside.
+    """
+    return json.dumps(_facts(scenario, controller), sort_keys=True)
+
+
+def _facts(scenario: Scenario, controller: str) -> dict[str, Any]:
+    try:
+        files = {str(path): _digest(path) for path in _files(scenario, controller)}
+    except (ValueError, OSError):  # every trial will say what is missing
+        files = {}
+    return {
+        "versions": provenance.package_versions(),
+        "sources": _sources(),
+        "platform": provenance.platform_name(),
+        "files": files,
+    }
+
+
+def _files(scenario: Scenario, controller: str) -> Iterable[Path]:
+    files = ModelFiles.of(scenario)
+    fits = scenario.controller.gait_fitting.enabled
+    yield from files.read if fits else (files.mjcf, files.urdf, files.gait)
+    yield from _included(files.mjcf)
+    own = Path(controller.rpartition(":")[0])
+    if own.suffix == ".py":
+        yield own
+
+
+def _included(model: Path) -> Iterable[Path]:
+    """Files that a model names and that lie beside it, such as meshes."""
+    for name in sorted(set(re.findall(r'\bfile="([^"]+)"', model.read_text(encoding="utf-8", errors="replace")))):
+        path = next((p for p in (model.parent / name, model.parent / "meshes" / name) if p.is_file()), None)
+        if path:
+            yield path
+
+
+def _digest(path: Path) -> str:
+    stat = path.stat()
+    return _digest_of(str(path), stat.st_mtime_ns, stat.st_size, stat.st_ino)
+
+
+@functools.lru_cache(maxsize=256)
+def _digest_of(path: str, *stamp: int) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+
+
+@functools.cache
+def _sources() -> str:
+    digest = hashlib.sha256()
+    for folder in SOURCES:
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            digest.update(file.relative_to(ROOT).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def origin_key(text: str) -> str:
+    """Short name of an origin."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def origin_differences(there: str, here: str, *, machine: bool = True) -> list[str]:
+    """How two origins differ, in words.
+
+    Args:
+        there: Of the results there are.
+        here: Of those to come.
+        machine: Whether a difference of the machine counts.
+    """
+    old, new = _flat(json.loads(there)), _flat(json.loads(here))
+    return [
+        f"{name} {old.get(name, 'absent')} -> {new.get(name, 'absent')}"
+        for name in sorted(old.keys() | new.keys())
+        if old.get(name) != new.get(name) and (machine or name != "platform")
+    ]
+
+
+def _flat(facts: Mapping[str, Any]) -> dict[str, str]:
+    files = {f"file {name}:": digest for name, digest in facts["files"].items()}
+    return {**facts["versions"], **files, "sources": facts["sources"], "platform": facts["platform"]}
