@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel, load_gait
-from controller.belief.kernels import Gains
+from controller.belief import Friction, Gains, Gait, Law, WalkerModel, load_gait
+from controller.belief.friction import PENALTY, ROWS
 from controller.cmpc import CascadedMpc, ZeroDynamicsController
-from controller.cmpc.cascade import PENALTY, Friction, Weights
+from controller.cmpc.cascade import Weights
 from controller.qp import Solver, make_solver
-from controller.qp.problem import ROWS
 from controller.records import Controller
 from controller.settings import ControllerSettings
 
 if TYPE_CHECKING:
-    from controller.fitting.controller import Follower
     from controller.fitting.family import GaitFamily
 
 
@@ -59,7 +57,7 @@ def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None
         UserError: unknown solver, or no gait library where gaits are fitted.
     """
     if settings.kind == "c-mpc":
-        law: Follower = _c_mpc(settings, belief, solver)
+        law: Law = _c_mpc(settings, belief, solver)
     else:
         law = _FACTORIES[settings.kind](settings, belief)
     if not settings.gait_fitting.enabled:
@@ -88,7 +86,7 @@ def _friction(settings: ControllerSettings, penalty: float = PENALTY) -> Frictio
     return Friction(mu=settings.friction, normal_min=settings.normal_force_min, penalty=penalty)
 
 
-def _c_mpc(settings: ControllerSettings, belief: Belief, solver: Solver | None) -> "Follower":
+def _c_mpc(settings: ControllerSettings, belief: Belief, solver: Solver | None) -> Law:
     gains, N, T = _gains(settings), settings.horizon, settings.period
     return CascadedMpc(
         belief.model,
@@ -102,14 +100,14 @@ def _c_mpc(settings: ControllerSettings, belief: Belief, solver: Solver | None) 
     )
 
 
-def _zd_pd(settings: ControllerSettings, belief: Belief) -> "Follower":
+def _zd_pd(settings: ControllerSettings, belief: Belief) -> Law:
     return ZeroDynamicsController(belief.model, belief.gait, _gains(settings))
 
 
 # Modules below are imported, and their kernels compiled, only where they are used.
 
 
-def _c_mpc_ltv(settings: ControllerSettings, belief: Belief) -> "Follower":
+def _c_mpc_ltv(settings: ControllerSettings, belief: Belief) -> Law:
     from controller.ltv.cascade import LtvCascade
 
     return LtvCascade(
@@ -122,7 +120,7 @@ def _c_mpc_ltv(settings: ControllerSettings, belief: Belief) -> "Follower":
     )
 
 
-def _clf_qp(settings: ControllerSettings, belief: Belief) -> "Follower":
+def _clf_qp(settings: ControllerSettings, belief: Belief) -> Law:
     from controller.rivals.clf_qp import ClfQp
     from controller.rivals.law import OutputController
 
@@ -131,7 +129,7 @@ def _clf_qp(settings: ControllerSettings, belief: Belief) -> "Follower":
     return OutputController(belief.model, belief.gait, _gains(settings), law)
 
 
-def _output_mpc(settings: ControllerSettings, belief: Belief) -> "Follower":
+def _output_mpc(settings: ControllerSettings, belief: Belief) -> Law:
     from controller.rivals.law import OutputController
     from controller.rivals.output_mpc import OutputMpc
 
@@ -139,7 +137,7 @@ def _output_mpc(settings: ControllerSettings, belief: Belief) -> "Follower":
     return OutputController(belief.model, belief.gait, _gains(settings), law)
 
 
-_FACTORIES: dict[str, Callable[[ControllerSettings, Belief], "Follower"]] = {
+_FACTORIES: dict[str, Callable[[ControllerSettings, Belief], Law]] = {
     "zd-pd": _zd_pd,
     "c-mpc-ltv": _c_mpc_ltv,
     "clf-qp": _clf_qp,

@@ -9,7 +9,7 @@ controller and in *body order* (left hip, right hip, left knee, right knee) at i
 import functools
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,6 +171,27 @@ class ControlStep:
     solve_s: float = 0.0
     plan: Plan | None = None
     followed: float = 0.0
+
+    @classmethod
+    def of(
+        cls, leg: Leg, u_total: Vector, *, u_zd: Vector | None = None, u_mpc: Vector | None = None, **rest: Any
+    ) -> "ControlStep":
+        """A step from torques in stance order.
+
+        Args:
+            leg: The leg that stands.
+            u_total: Commanded torque in [N.m], (4,).
+            u_zd: As the field; zero if not given.
+            u_mpc: As the field; zero if not given.
+            rest: The other fields, by name.
+        """
+        return cls(
+            stance=leg.value,
+            u_total=leg.from_body(u_total),
+            u_zd=np.zeros(4) if u_zd is None else leg.from_body(u_zd),
+            u_mpc=np.zeros(4) if u_mpc is None else leg.from_body(u_mpc),
+            **rest,
+        )
 
 
 class Controller(Protocol):

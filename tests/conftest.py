@@ -9,8 +9,7 @@ import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
 
-from controller.belief import Gait, WalkerModel, load_gait
-from controller.belief.kernels import Gains
+from controller.belief import Gains, Gait, Loop, WalkerModel, load_gait
 
 ROOT = Path(__file__).resolve().parents[1]
 RABBIT = ROOT / "models" / "rabbit"
@@ -33,6 +32,12 @@ def gait(model: WalkerModel) -> Gait:
 def gains() -> Gains:
     """K_P in [1/s^2] and K_D in [1/s] of Sec. III.E."""
     return Gains(kp=np.array([60.0, 90.0, 90.0, 50.0]), kd=np.array([10.0, 20.0, 20.0, 10.0]))
+
+
+@pytest.fixture(scope="session")
+def loop(model: WalkerModel, gait: Gait, gains: Gains) -> Loop:
+    """The closed loop under ZD+PD."""
+    return Loop(model.lumped, gait.table, gains)
 
 
 @pytest.fixture(scope="session")

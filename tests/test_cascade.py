@@ -1,17 +1,17 @@
 """C-MPC is the paper's problem: its cost, its rows, its box and its one policy when there is no answer."""
 
-import dataclasses
-
 import numpy as np
 import oracle
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controller.belief import Friction
+from controller.belief.friction import ROWS
 from controller.cmpc import CascadedMpc, predict
-from controller.cmpc.cascade import Friction, Weights, build_problem
+from controller.cmpc.cascade import Weights, build_problem
 from controller.qp import make_solver
-from controller.qp.problem import ROWS, failed
+from controller.qp.problem import failed
 from controller.records import Leg, StanceState
 from sim.interface import Observation
 from sim.scenario import ControllerSettings
@@ -28,8 +28,8 @@ def weights(gains):
     return Weights.of_paper(gains, T)
 
 
-def horizon_at(model, gait, gains, q, dq, N):
-    return predict(model, gait, gains, StanceState(q=q, dq=dq, leg=Leg.LEFT), N, T)
+def horizon_at(loop, q, dq, N):
+    return predict(loop, StanceState(q=q, dq=dq, leg=Leg.LEFT), N, T)
 
 
 def solve(problem):
@@ -79,12 +79,12 @@ def test_weights_are_those_of_section_iii_e(weights, gains):
     assert weights.Q_position[0] == pytest.approx(1.2e8)
 
 
-def test_cost_is_that_of_the_full_stack(model, walker, gait, gains, weights, walking_states):
+def test_cost_is_that_of_the_full_stack(loop, model, walker, weights, walking_states):
     """J(U) of Eq. (17) from the dense 10-state stack of Eq. (15), up to the constant beta and a factor of 2."""
     rng = np.random.default_rng(0)
     for N in (1, 2, 20):
         for q, dq in walking_states(5, seed=N):
-            horizon = horizon_at(model, gait, gains, q, dq, N)
+            horizon = horizon_at(loop, q, dq, N)
             M, alpha, beta = condensed(walker, horizon, weights)
             problem = build_problem(horizon, weights, model.torque_limits, None)
             for scale in (0.0, 1.0, 100.0):
@@ -95,10 +95,10 @@ def test_cost_is_that_of_the_full_stack(model, walker, gait, gains, weights, wal
             assert beta >= 0.0
 
 
-def test_cost_holds_through_predicted_impacts(model, walker, gait, gains, weights):
+def test_cost_holds_through_predicted_impacts(loop, model, walker, gait, weights):
     """Where the horizon crosses an impact, Eq. (15) is taken literally: the roles keep their columns."""
     q, dq = gait.q_minus - 0.01 * gait.dq_minus, gait.dq_minus
-    horizon = horizon_at(model, gait, gains, q, dq, 30)
+    horizon = horizon_at(loop, q, dq, 30)
     assert 0 < horizon.impact_in < 30
     M, alpha, _ = condensed(walker, horizon, weights)
     problem = build_problem(horizon, weights, model.torque_limits, None)
@@ -106,10 +106,10 @@ def test_cost_holds_through_predicted_impacts(model, walker, gait, gains, weight
     assert 2 * problem.objective(U.reshape(30, 4)) == pytest.approx(U @ M @ U + 2 * alpha @ U, rel=1e-8)
 
 
-def test_where_nothing_binds_the_answer_is_that_of_the_normal_equations(model, walker, gait, gains, weights):
+def test_where_nothing_binds_the_answer_is_that_of_the_normal_equations(loop, model, walker, gait, weights):
     q, dq = gait.post_impact(model)
     for N in (5, 40):
-        horizon = horizon_at(model, gait, gains, q, dq, N)
+        horizon = horizon_at(loop, q, dq, N)
         M, alpha, _ = condensed(walker, horizon, weights)
         free = np.linalg.solve(M, -alpha).reshape(N, 4)
         problem = build_problem(horizon, weights, np.full(4, 1e4), None)
@@ -118,10 +118,10 @@ def test_where_nothing_binds_the_answer_is_that_of_the_normal_equations(model, w
         assert solution.u == pytest.approx(free, rel=1e-4, abs=1e-4 * np.abs(free).max())
 
 
-def test_without_errors_the_mpc_stays_silent(model, gait, gains, weights):
+def test_without_errors_the_mpc_stays_silent(loop, model, gait, weights):
     """Errors of zero cost nothing, so zero torque is the answer (a horizon with its errors taken out)."""
-    horizon = horizon_at(model, gait, gains, *gait.post_impact(model), 20)
-    horizon = dataclasses.replace(horizon, y=0 * horizon.y, dy=0 * horizon.dy)
+    horizon = horizon_at(loop, *gait.post_impact(model), 20)
+    horizon = horizon._replace(y=0 * horizon.y, dy=0 * horizon.dy)
     problem = build_problem(horizon, weights, model.torque_limits, FRICTION)
     assert not problem.softening(np.zeros((20, 4))).any()
     assert np.abs(solve(problem).u).max() < 1e-4
@@ -130,21 +130,21 @@ def test_without_errors_the_mpc_stays_silent(model, gait, gains, weights):
 # Rows and box, Eqs. (18)-(22)
 
 
-def test_box_holds_the_total_torque(model, gait, gains, weights, walking_states):
+def test_box_holds_the_total_torque(loop, model, weights, walking_states):
     for q, dq in walking_states(10):
-        horizon = horizon_at(model, gait, gains, q, dq, 20)
+        horizon = horizon_at(loop, q, dq, 20)
         problem = build_problem(horizon, weights, model.torque_limits, FRICTION)
         assert problem.lower + horizon.u == pytest.approx(np.tile(-model.torque_limits, (20, 1)), abs=1e-9)
         assert problem.upper + horizon.u == pytest.approx(np.tile(model.torque_limits, (20, 1)), abs=1e-9)
     assert np.array_equal(model.torque_limits, [75.0, 75.0, 50.0, 50.0])
 
 
-def test_rows_are_equation_21(model, walker, gait, gains, weights, walking_states):
+def test_rows_are_equation_21(loop, model, walker, weights, walking_states):
     """For any torque the rows hold exactly where |F_T/F_N| <= mu and F_N >= its bound, F_c by Eq. (18)."""
     rng = np.random.default_rng(2)
     N, held, broken = 5, 0, 0
     for q, dq in walking_states(60, spread=0.03):
-        horizon = horizon_at(model, gait, gains, q, dq, N)
+        horizon = horizon_at(loop, q, dq, N)
         problem = build_problem(horizon, weights, model.torque_limits, FRICTION)
         U = rng.uniform(-60, 60, (N, 4))
         softening = problem.softening(U)
@@ -161,12 +161,12 @@ def test_rows_are_equation_21(model, walker, gait, gains, weights, walking_state
     assert held > 30 and broken > 30  # both sides of every claim were seen
 
 
-def test_rows_keep_the_planned_force_in_the_cone(model, walker, gait, gains, weights, walking_states):
+def test_rows_keep_the_planned_force_in_the_cone(loop, model, walker, weights, walking_states):
     """On slippery ground: without rows the plan slips, with them it does not, if Eq. (18) is asked."""
     N, mu = 20, 0.25
     slips = 0
     for q, dq in walking_states(8, spread=0.05):
-        horizon = horizon_at(model, gait, gains, q, dq, N)
+        horizon = horizon_at(loop, q, dq, N)
 
         def excess(friction, horizon=horizon):
             """[N] of the worst stage."""
@@ -180,8 +180,8 @@ def test_rows_keep_the_planned_force_in_the_cone(model, walker, gait, gains, wei
     assert slips >= 2
 
 
-def test_rows_can_be_left_out(model, gait, gains, weights):
-    horizon = horizon_at(model, gait, gains, *gait.post_impact(model), 3)
+def test_rows_can_be_left_out(loop, model, gait, weights):
+    horizon = horizon_at(loop, *gait.post_impact(model), 3)
     assert build_problem(horizon, weights, model.torque_limits, None).rows.shape == (3, 0, 4)
 
 
@@ -205,13 +205,13 @@ def test_total_torque_is_always_within_the_motors(model, gait, gains, s, offset,
     assert step.u_total == pytest.approx(step.u_zd + step.u_mpc, abs=1e-9)  # Eq. (23)
 
 
-def test_tick_is_the_sum_of_its_parts(model, walker, gait, gains, weights, walking_states):
+def test_tick_is_the_sum_of_its_parts(loop, model, walker, gait, gains, weights, walking_states):
     """What the controller commands is ZD+PD plus the first stage of the solved problem, its force Eq. (20)'s."""
     N = 20
     controller = cascade(model, gait, gains, N=N)
     for q, dq in walking_states(5, spread=0.02):
         step = controller.step(seen(q, dq))
-        horizon = horizon_at(model, gait, gains, q, dq, N)
+        horizon = horizon_at(loop, q, dq, N)
         solution = solve(build_problem(horizon, weights, model.torque_limits, FRICTION))
         assert step.status == "optimal" and not step.fallback
         assert step.u_zd == pytest.approx(horizon.u[0])

@@ -6,7 +6,7 @@ import qpsolvers
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.cmpc.cascade import Friction
+from controller.belief import Friction
 from controller.rivals.clf_qp import ClfQp, F, G, Lyapunov
 from controller.rivals.output_dynamics import output_dynamics
 
@@ -35,7 +35,7 @@ def eta_of(dynamics):
 
 @pytest.fixture(scope="module")
 def states(model, gait, walking_states):
-    return [output_dynamics(model, gait, q, dq) for q, dq in walking_states(150, spread=0.05)]
+    return [output_dynamics(model.lumped, gait.table, q, dq) for q, dq in walking_states(150, spread=0.05)]
 
 
 @given(eta=etas)

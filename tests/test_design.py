@@ -7,8 +7,7 @@ import pytest
 from conftest import RABBIT
 from random_walkers import random_model
 
-from controller.belief import WalkerModel, load_gait
-from controller.belief.kernels import Gains
+from controller.belief import Gains, Loop, WalkerModel, load_gait
 from controller.design import gait_file, orbit_kernels
 from controller.design.check import check, invariance_error, requirements_of
 from controller.design.compare import compare
@@ -96,11 +95,12 @@ def test_decay_solves_the_output_dynamics():
 
 
 def test_a_full_step_converges_with_fourth_order(model, gains, polished):
+    loop = Loop(model.lumped, polished.table, gains)
     x = np.r_[polished.q_minus, polished.dq_minus]
     x[4] -= 0.01
     ends = []
     for h in (4e-3, 2e-3, 1e-3):
-        ends.append(orbit_kernels.full_step(model.lumped, polished.table, gains, model.torque_limits, x, h, 0, 2.0)[0])
+        ends.append(orbit_kernels.full_step(loop, model.torque_limits, x, h, 0, 2.0).x)
     ratio = np.abs(ends[0] - ends[1]).max() / np.abs(ends[1] - ends[2]).max()
     assert 10 < ratio < 25
 

@@ -9,7 +9,8 @@ import pytest
 import test_ltv_linearisation as ltv
 from conftest import RABBIT
 
-from controller.belief import WalkerModel, kernels
+from controller.belief import Loop, WalkerModel, kernels
+from controller.belief.closed_loop import zero_dynamics
 from controller.belief.model import Joints, Known, lump
 from controller.design import orbit_kernels
 from controller.errors import UserError
@@ -115,12 +116,11 @@ def test_zero_dynamics_feed_them_forward(aware, file, gait, gains, walking_state
     """The motion asked for is the same; the torque is what springs and friction take more."""
     bare = WalkerModel(file, known=Known(springs=False))
     for q, dq in walking_states(10, seed=13):
-        *_, u, _, _, ddq, force = kernels.zero_dynamics(aware.lumped, gait.table, gains, q, dq)
-        *_, u_bare, _, _, ddq_bare, force_bare = kernels.zero_dynamics(bare.lumped, gait.table, gains, q, dq)
+        one, other = (zero_dynamics(Loop(walker.lumped, gait.table, gains), q, dq) for walker in (aware, bare))
         against = np.array([0.0, 0.0, 20.0, 20.0]) * (q[:4] + 0.3) + 2.0 * np.tanh(dq[:4] / kernels.STICK)
-        assert np.array_equal(ddq, ddq_bare) and np.array_equal(force, force_bare)
-        assert u - u_bare == pytest.approx(against, abs=1e-10)
-        assert np.abs(aware.acceleration(q, dq, u) - ddq).max() < 1e-8 * np.abs(ddq).max()
+        assert np.array_equal(one.ddq, other.ddq) and np.array_equal(one.contact_force, other.contact_force)
+        assert one.u - other.u == pytest.approx(against, abs=1e-10)
+        assert np.abs(aware.acceleration(q, dq, one.u) - one.ddq).max() < 1e-8 * np.abs(one.ddq).max()
 
 
 @pytest.mark.parametrize("u_mpc", [np.zeros(4), np.array([20.0, -10.0, 15.0, 5.0])], ids=["zd-pd", "with-mpc"])
@@ -145,8 +145,8 @@ def test_zero_extensions_change_no_bit(model, gait, gains, walking_states):
     plain = lump(model.torso, model.femur, model.tibia, Joints(damping=model.damping), 9.81)
     looked_at = plain._replace(extended=True, resists=True)
     for q, dq in walking_states(10, seed=14):
-        one = kernels.zero_dynamics(plain, gait.table, gains, q, dq)
-        other = kernels.zero_dynamics(looked_at, gait.table, gains, q, dq)
+        one = zero_dynamics(Loop(plain, gait.table, gains), q, dq)
+        other = zero_dynamics(Loop(looked_at, gait.table, gains), q, dq)
         assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 

@@ -8,7 +8,8 @@ import pytest
 from conftest import RABBIT
 
 from controller.belief import kernels, load_gait
-from controller.belief.gait import power_basis
+from controller.belief.closed_loop import outputs
+from controller.belief.polynomial import power_basis
 from controller.errors import UserError
 
 PAPER = (RABBIT / "gaits" / "paper.toml").read_text()
@@ -49,7 +50,7 @@ def test_clock_runs_from_the_mirrored_posture_to_the_posture_before_impact(gait)
 def test_compiled_outputs_are_equation_5(gait, walking_states):
     stage = kernels.new_stage()
     for q, dq in walking_states(200):
-        theta, dtheta = kernels.outputs(gait.table, q, dq, stage)
+        theta, dtheta = outputs(gait.table, q, dq, stage)
         assert (theta, dtheta) == pytest.approx((gait.clock @ q, gait.clock @ dq))
         desired, slope, curvature = gait.desired(theta)
         assert stage.y == pytest.approx(q[:4] - desired, abs=1e-11)

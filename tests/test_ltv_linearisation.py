@@ -5,10 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from controller.belief import kernels
+from controller.belief import Loop, kernels
+from controller.belief.closed_loop import closed_loop, outputs
+from controller.belief.ground import Ground
 from controller.ltv.coordinates import N_Z, from_output, to_output
-from controller.ltv.horizon import look_ahead, new_horizon
-from controller.ltv.landing import Ground, impact_jacobian
+from controller.ltv.horizon import Outlook, look_ahead, new_horizon
+from controller.ltv.landing import impact_jacobian
 from controller.ltv.linearisation import derive, new_derivatives
 from controller.ltv.motion import accelerate
 
@@ -42,14 +44,15 @@ def state_of(gait, z):
 
 def closed_loop_of(model, bent, gains):
     """z, u_mpc -> dz/dt, ZD+PD torque and contact force, stacked; with the stage it was evaluated in."""
+    loop = Loop(model.lumped, bent.table, gains)
 
     def at(z, u_mpc):
         stage, f, force, per_torque = kernels.new_stage(), np.empty(N_Z), np.empty(2), np.empty((2, 4))
         q, dq = state_of(bent, z)
         kernels.place(q, dq, stage)
-        _, dtheta = kernels.closed_loop(model.lumped, bent.table, gains, q, dq, stage)
+        _, dtheta = closed_loop(loop, q, dq, stage)
         kernels.stance_force(model.lumped, stage, force)
-        accelerate(bent.table, gains, dtheta, u_mpc, stage, f)
+        accelerate(loop, dtheta, u_mpc, stage, f)
         kernels.responses(stage)
         kernels.stance_force_per_torque(model.lumped, stage, per_torque)
         return np.r_[f, stage.u, force + per_torque @ u_mpc], stage
@@ -58,7 +61,7 @@ def closed_loop_of(model, bent, gains):
 
 
 @pytest.fixture
-def closed_loop(model, bent, gains):
+def acceleration(model, bent, gains):
     return closed_loop_of(model, bent, gains)
 
 
@@ -69,11 +72,11 @@ def test_output_coordinates_are_a_bijection(bent, walking_states):
         np.testing.assert_allclose(again[1], dq, atol=1e-11)
 
 
-def test_the_vector_field_is_the_models(model, bent, gains, closed_loop, walking_states):
+def test_the_vector_field_is_the_models(model, bent, gains, acceleration, walking_states):
     """dz/dt in output coordinates is what the model's acceleration says."""
     for q, dq in walking_states(10, seed=1):
         z, u_mpc = z_of(bent, q, dq), np.array([5.0, -3.0, 2.0, 1.0])
-        values, stage = closed_loop(z, u_mpc)
+        values, stage = acceleration(z, u_mpc)
         h = 1e-6
         ddq = model.acceleration(q, dq, stage.u + u_mpc)
         forth = z_of(bent, q + h * dq + h * h / 2 * ddq, dq + h * ddq)
@@ -83,15 +86,15 @@ def test_the_vector_field_is_the_models(model, bent, gains, closed_loop, walking
 
 
 @pytest.mark.parametrize("u_mpc", [np.zeros(4), np.array([20.0, -10.0, 15.0, 5.0])], ids=["zd-pd", "with-mpc"])
-def test_derivatives_of_the_closed_loop(model, bent, gains, closed_loop, walking_states, u_mpc):
+def test_derivatives_of_the_closed_loop(model, bent, gains, acceleration, walking_states, u_mpc):
     for q, dq in walking_states(5, seed=2):
         z = z_of(bent, q, dq)
-        by_z = np.array([(closed_loop(z + STEP * e, u_mpc)[0] - closed_loop(z - STEP * e, u_mpc)[0]) for e in Z]).T
+        by_z = np.array([(acceleration(z + STEP * e, u_mpc)[0] - acceleration(z - STEP * e, u_mpc)[0]) for e in Z]).T
         by_z /= 2 * STEP
-        by_u = np.array([closed_loop(z, u_mpc + e)[0] - closed_loop(z, u_mpc)[0] for e in np.eye(4)]).T
-        _, stage = closed_loop(z, u_mpc)
+        by_u = np.array([acceleration(z, u_mpc + e)[0] - acceleration(z, u_mpc)[0] for e in np.eye(4)]).T
+        _, stage = acceleration(z, u_mpc)
         d = new_derivatives()
-        derive(model.lumped, bent.table, gains, z[8], z[9], u_mpc, stage, d)
+        derive(Loop(model.lumped, bent.table, gains), z[8], z[9], u_mpc, stage, d)
         ddy_z = np.hstack([-np.diag(gains.kp), -np.diag(gains.kd), np.zeros((4, 2))])
         ddy_z[:, [0, 1, 2, 3, 8]] += d.output_z
         assert relative(ddy_z, by_z[4:8]) < 1e-7
@@ -116,20 +119,20 @@ def test_derivative_of_the_impact(model, gait):
         expected = np.array([impact(z + STEP * e) - impact(z - STEP * e) for e in Z]).T / (2 * STEP)
         q, dq = state_of(gait, z)
         kernels.place(q, dq, stage)
-        kernels.outputs(gait.table, q, dq, stage)
+        outputs(gait.table, q, dq, stage)
         found = np.empty((N_Z, N_Z))
         impact_jacobian(model.lumped, gait.table, q, dq, stage, found)
         assert relative(found, expected) < 1e-7
 
 
 @pytest.fixture
-def rollout(model, gait, gains):
+def rollout(loop, gait):
     """z, plan, ground -> horizon."""
 
     def roll(z, plan, ground=LEVEL, linearise=False, h=2.5e-3, substeps=2, limit=ANY):
         out = new_horizon(len(plan))
         q, dq = state_of(gait, z)
-        look_ahead(model.lumped, gait.table, gains, limit, ground, h, substeps, q, dq, plan, linearise, out)
+        look_ahead(Outlook(loop, limit, ground, h, substeps, q, dq), plan, linearise, out)
         return out
 
     return roll

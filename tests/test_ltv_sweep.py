@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from controller.belief import Friction
+from controller.belief.ground import LEVEL
 from controller.ltv.cost import ROWS, new_problem, objective, off_the_orbit
 from controller.ltv.cost import model as quadratic
-from controller.ltv.horizon import look_ahead, new_horizon
-from controller.ltv.landing import Ground
+from controller.ltv.horizon import Outlook, look_ahead, new_horizon
 from controller.ltv.orbit import find_orbit
 from controller.ltv.problem import AT_LOWER, AT_UPPER, FREE, N_Z, new_state, residuals
 from controller.ltv.sweep import solve
@@ -96,19 +97,19 @@ def test_a_confirmed_guess_takes_one_sweep():
     assert solve(p, s, 40) == 1
 
 
-def test_the_problem_is_the_objectives_model(model, gait, gains, weights):
+def test_the_problem_is_the_objectives_model(loop, model, gait, weights):
     """Slope of the true objective along any direction, softened force rows included."""
-    stages, h, substeps, level, unlimited = weights.stages, 2.5e-3, 2, Ground(0.0, 0.0), np.full(4, np.inf)
+    stages, h, substeps, unlimited = weights.stages, 2.5e-3, 2, np.full(4, np.inf)
     rng = np.random.default_rng(1)
     plan = rng.normal(0.0, 30.0, (stages, 4))
     q, dq = gait.post_impact(model)
     q, dq = q + 0.03, dq + 0.3
-    cost = off_the_orbit(weights, np.full(4, 1e3), (0.3, 200.0))
+    cost = off_the_orbit(weights, np.full(4, 1e3), Friction(mu=0.3, normal_min=200.0, penalty=weights.force_penalty))
     orbit = find_orbit(model, gait)
     horizon, p = new_horizon(stages), new_problem(stages)
 
     def motion(plan, linearise):
-        look_ahead(model.lumped, gait.table, gains, unlimited, level, h, substeps, q, dq, plan, linearise, horizon)
+        look_ahead(Outlook(loop, unlimited, LEVEL, h, substeps, q, dq), plan, linearise, horizon)
         return objective(cost, orbit, horizon, plan)
 
     motion(plan, True)

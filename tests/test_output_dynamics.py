@@ -7,10 +7,10 @@ from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.rivals.output_dynamics import output_dynamics
 
 
-def test_the_torque_for_the_pd_law_is_that_of_zd_pd(model, gait, gains, walking_states):
+def test_the_torque_for_the_pd_law_is_that_of_zd_pd(loop, model, gait, gains, walking_states):
     """Two ways to Eq. (7): a 4 x 4 system here, a scalar one in the kernel of ZD+PD."""
     for q, dq in walking_states(100):
-        dynamics, zd = output_dynamics(model, gait, q, dq), zero_dynamics_pd(model, gait, gains, q, dq)
+        dynamics, zd = output_dynamics(model.lumped, gait.table, q, dq), zero_dynamics_pd(loop, q, dq)
         assert (dynamics.theta, dynamics.dtheta) == (zd.theta, zd.dtheta)
         assert np.array_equal(dynamics.y, zd.y) and np.array_equal(dynamics.dy, zd.dy)
         u = dynamics.torque(-gains.kd * dynamics.dy - gains.kp * dynamics.y)
@@ -25,8 +25,8 @@ def test_acceleration_of_the_outputs_is_affine_in_the_torque(model, walker, gait
     h = 1e-4  # [s]
     for q, dq in walking_states(50, seed=1, spread=0.05):
         u = rng.uniform(-50, 50, 4)
-        dynamics, ddq = output_dynamics(model, gait, q, dq), walker.acceleration(q, dq, u)
-        y = [output_dynamics(model, gait, q + t * dq + 0.5 * t * t * ddq, dq).y for t in (-h, 0.0, h)]
+        dynamics, ddq = output_dynamics(model.lumped, gait.table, q, dq), walker.acceleration(q, dq, u)
+        y = [output_dynamics(model.lumped, gait.table, q + t * dq + 0.5 * t * t * ddq, dq).y for t in (-h, 0.0, h)]
         ddy = (y[2] - 2 * y[1] + y[0]) / h**2
         scale = 1.0 + np.abs(dq).max() ** 3
         assert dynamics.drift + dynamics.decoupling @ u == pytest.approx(ddy, rel=1e-5, abs=1e-4 * scale)
@@ -34,5 +34,5 @@ def test_acceleration_of_the_outputs_is_affine_in_the_torque(model, walker, gait
 
 def test_overflow_is_seen(model, gait):
     q, dq = gait.post_impact(model)
-    assert output_dynamics(model, gait, q, dq).is_finite
-    assert not output_dynamics(model, gait, q, dq * 1e200).is_finite
+    assert output_dynamics(model.lumped, gait.table, q, dq).is_finite
+    assert not output_dynamics(model.lumped, gait.table, q, dq * 1e200).is_finite

@@ -21,7 +21,7 @@ def law(N, limit=LIMIT):
 
 @pytest.fixture(scope="module")
 def states(model, gait, walking_states):
-    return [output_dynamics(model, gait, q, dq) for q, dq in walking_states(60, spread=0.05)]
+    return [output_dynamics(model.lumped, gait.table, q, dq) for q, dq in walking_states(60, spread=0.05)]
 
 
 def simulated(y, dy, v):

@@ -1,13 +1,12 @@
 """The solver boundary: answers meet the optimality conditions, solvers agree, and no answer is said to be none."""
 
-import dataclasses
-
 import numpy as np
 import oracle
 import pytest
 
+from controller.belief import Friction
 from controller.cmpc import predict
-from controller.cmpc.cascade import Friction, Weights, build_problem
+from controller.cmpc.cascade import Weights, build_problem
 from controller.errors import UserError
 from controller.qp import StageQP, make_solver
 from controller.qp.problem import failed
@@ -19,19 +18,19 @@ DEFAULT = ControllerSettings().solver
 SOLVERS = sorted({DEFAULT, "clarabel", "piqp"})
 
 
-def problem_at(model, gait, gains, q, dq, mu=0.6):
-    horizon = predict(model, gait, gains, StanceState(q=q, dq=dq, leg=Leg.LEFT), N, T)
+def problem_at(loop, model, q, dq, mu=0.6):
+    horizon = predict(loop, StanceState(q=q, dq=dq, leg=Leg.LEFT), N, T)
     rows = Friction(mu=mu, normal_min=20.0) if mu else None
-    return build_problem(horizon, Weights.of_paper(gains, T), model.torque_limits, rows)
+    return build_problem(horizon, Weights.of_paper(loop.gains, T), model.torque_limits, rows)
 
 
 @pytest.fixture(scope="module")
-def problems(model, gait, gains, walking_states) -> list[StageQP]:
+def problems(loop, model, gait, walking_states) -> list[StageQP]:
     """From the undisturbed gait to states where torques saturate and, on slippery ground, rows bind."""
     start = gait.post_impact(model)
     states = [start, (start[0], 1.35 * start[1]), *walking_states(3, spread=0.02), *walking_states(3, spread=0.1)]
-    found = [problem_at(model, gait, gains, q, dq) for q, dq in states]
-    slippery = [problem_at(model, gait, gains, q, dq, mu=0.25) for q, dq in walking_states(8, spread=0.05)]
+    found = [problem_at(loop, model, q, dq) for q, dq in states]
+    slippery = [problem_at(loop, model, q, dq, mu=0.25) for q, dq in walking_states(8, spread=0.05)]
     return found + slippery
 
 
@@ -84,8 +83,8 @@ def test_solvers_agree(problems):
             assert u[0] == pytest.approx(answers[0][0], abs=0.1)  # [N.m]
 
 
-def test_an_active_set_solver_agrees_where_it_manages(model, gait, gains):
-    problem = problem_at(model, gait, gains, *gait.post_impact(model), mu=None)
+def test_an_active_set_solver_agrees_where_it_manages(loop, model, gait):
+    problem = problem_at(loop, model, *gait.post_impact(model), mu=None)
     theirs = solver_for("daqp", problem).solve(problem)
     ours = solver_for(DEFAULT, problem).solve(problem)
     assert theirs.found
@@ -108,8 +107,8 @@ def test_softening_and_active_constraints_are_reported(problems, name):
 def test_no_answer_is_said_to_be_none(problems, name):
     """A box without inside, and numbers that are none: found is False, torques are zeros, nothing is raised."""
     solver, good = solver_for(name, problems[0]), problems[0]
-    empty = dataclasses.replace(good, lower=good.upper + 1.0)
-    nan = dataclasses.replace(good, linear=np.full_like(good.linear, np.nan))
+    empty = good._replace(lower=good.upper + 1.0)
+    nan = good._replace(linear=np.full_like(good.linear, np.nan))
     for problem in (empty, nan):
         solution = solver.solve(problem)
         assert not solution.found and solution.status != "optimal"

@@ -32,11 +32,6 @@ def random_problem(rng, *, tight=1.0, conflict=False, n=N):
     )
 
 
-def compiled(problem):
-    fields = ("rate", "weight", "linear", "R", "lower", "upper", "rows", "limits", "penalty")
-    return riccati.Problem(*(getattr(problem, name) for name in fields))
-
-
 def dense(problem, weight_u, Omega):
     """Matrix and input-to-rate map of the Newton system, all stages stacked."""
     n = problem.N
@@ -55,7 +50,7 @@ def dense(problem, weight_u, Omega):
 def test_a_sweep_is_the_dense_newton_step(seed):
     rng = np.random.default_rng(seed)
     problem = random_problem(rng)
-    p, factors = compiled(problem), riccati.new_factors(N)
+    p, factors = problem, riccati.new_factors(N)
     weight_u, Omega = rng.uniform(1.0, 50.0, (N, 4)), rng.uniform(0.0, 1e3, (N, R)) * (rng.random((N, R)) < 0.5)
     fixed = rng.choice(np.array([-1, 0, 0, 1], dtype=np.int8), (N, 4))
     given, a, b = rng.normal(size=(3, N, 4))
@@ -76,7 +71,7 @@ def test_a_sweep_is_the_dense_newton_step(seed):
 def test_the_gradient_is_that_of_the_objective():
     rng = np.random.default_rng(3)
     problem = random_problem(rng)
-    p, u = compiled(problem), rng.normal(0.0, 20.0, (N, 4))
+    p, u = problem, rng.normal(0.0, 20.0, (N, 4))
     w, gradient = np.empty((2, N, 4))
     riccati.rates(p, u, w)
     riccati.smooth_gradient(p, u, w, gradient)
@@ -94,7 +89,7 @@ def test_the_gradient_is_that_of_the_objective():
 def test_active_set_and_interior_point_find_the_same_answer(seed, conflict):
     rng = np.random.default_rng(100 + seed)
     problem = random_problem(rng, conflict=conflict)
-    p = compiled(problem)
+    p = problem
     exact = make_solver("riccati", N, R).solve(problem)
     assert exact.found and exact.residuals[1] < 1e-6
 
@@ -127,7 +122,7 @@ def test_a_refined_answer_of_clarabel_is_ours_to_rounding(conflict):
 def test_residuals_bound_the_distance_to_the_optimum():
     rng = np.random.default_rng(10)
     problem = random_problem(rng, tight=0.3)
-    p = compiled(problem)
+    p = problem
     exact = make_solver("riccati", N, R).solve(problem).u
     near = np.clip(exact + 1e-3 * rng.normal(size=exact.shape), problem.lower, problem.upper)
     w, gradient = np.empty((2, N, 4))

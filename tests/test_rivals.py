@@ -118,10 +118,10 @@ def test_numbers_that_overflow_are_a_named_fall_back(controller, belief):
     assert step.fallback and step.status == "prediction-diverged"
 
 
-def test_a_qp_without_answer_falls_back_to_saturated_zd_pd(controller, belief, gains, walking_states, monkeypatch):
+def test_a_qp_without_answer_falls_back_to_saturated_zd_pd(controller, loop, walking_states, monkeypatch):
     monkeypatch.setattr(dense_qp, "solve", lambda problem: dense_qp.no_answer(len(problem.q), "no-solution"))
     for q, dq in walking_states(10):
         step = controller.step(seen(q, dq))
         assert step.fallback and step.status == "no-solution"
-        expected = np.clip(zero_dynamics_pd(belief.model, belief.gait, gains, q, dq).u, -LIMIT, LIMIT)
+        expected = np.clip(zero_dynamics_pd(loop, q, dq).u, -LIMIT, LIMIT)
         assert step.u_total == pytest.approx(expected, rel=1e-8, abs=1e-7)

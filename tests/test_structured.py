@@ -6,11 +6,13 @@ import numpy as np
 import oracle
 import pytest
 
+from controller.belief import Friction
+from controller.belief.friction import ROWS
 from controller.cmpc import CascadedMpc, predict
-from controller.cmpc.cascade import Friction, Weights, build_problem
+from controller.cmpc.cascade import Weights, build_problem
 from controller.qp import make_solver
 from controller.qp import riccati_solver as structured
-from controller.qp.problem import ROWS, failed
+from controller.qp.problem import failed
 from controller.records import Leg, StanceState
 from sim.interface import Observation
 
@@ -111,7 +113,7 @@ def test_an_answer_is_not_changed_by_the_next(walk):
 
 def test_the_problem_is_left_as_it_was(walk):
     problem, _ = walk[50]
-    before = {f.name: np.array(getattr(problem, f.name)) for f in dataclasses.fields(problem)}
+    before = {name: np.array(value) for name, value in problem._asdict().items()}
     make_solver("riccati", N, ROWS).solve(problem)
     assert all(np.array_equal(getattr(problem, name), value) for name, value in before.items())
 
@@ -119,7 +121,7 @@ def test_the_problem_is_left_as_it_was(walk):
 def test_box_and_rows_that_contradict_each_other(walk):
     """Rows that no torque can meet: the box holds, the softening says by how much, and the answer is the least bad."""
     problem, _ = walk[0]
-    impossible = dataclasses.replace(problem, limits=problem.limits - 5000.0)
+    impossible = problem._replace(limits=problem.limits - 5000.0)
     solution = make_solver("riccati", N, ROWS).solve(impossible)
     assert solution.found and solution.slack > 1000.0
     assert (solution.u >= impossible.lower - 1e-6).all() and (solution.u <= impossible.upper + 1e-6).all()
@@ -129,9 +131,9 @@ def test_box_and_rows_that_contradict_each_other(walk):
 
 
 @pytest.mark.parametrize("stages", [1, 2, 7])
-def test_short_horizons(model, gait, gains, walking_states, stages):
+def test_short_horizons(loop, model, gains, walking_states, stages):
     for q, dq in walking_states(10, spread=0.05):
-        horizon = predict(model, gait, gains, StanceState(q=q, dq=dq, leg=Leg.LEFT), stages, T)
+        horizon = predict(loop, StanceState(q=q, dq=dq, leg=Leg.LEFT), stages, T)
         problem = build_problem(
             horizon, Weights.of_paper(gains, T), model.torque_limits, Friction(mu=MU, normal_min=20.0)
         )
@@ -157,7 +159,7 @@ class Other:
 
 def test_what_it_can_not_settle_goes_to_the_next_in_line_and_is_said(walk):
     problem, _ = walk[0]
-    nan = dataclasses.replace(problem, linear=np.full_like(problem.linear, np.nan))
+    nan = problem._replace(linear=np.full_like(problem.linear, np.nan))
     first, second, third = Other(False), Other(True), Other(True)
     solver = structured.RiccatiSolver(N, ROWS, (first, second, third))
     solution = solver.solve(nan)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from controller.belief import kernels
+from controller.belief.closed_loop import GaitTable
+from controller.belief.kernels import N_Q, N_U
 from controller.belief.model import WalkerModel
+from controller.belief.polynomial import power_basis
 from controller.errors import UserError
 from controller.records import ACTUATED, Vector, swap_legs
-
-_N_Q, _N_U = kernels.N_Q, kernels.N_U
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,13 +39,13 @@ class Gait:
     clock: Vector
     q_minus: Vector
     dq_minus: Vector
-    table: kernels.GaitTable
+    table: GaitTable
 
     @classmethod
     def of(cls, *, name: str, source: str, alpha: Vector, clock: Vector, q_minus: Vector, dq_minus: Vector) -> "Gait":
         """Build a gait; the clock's range follows from the posture before impact and its mirror image."""
         theta_plus, theta_minus = float(clock @ swap_legs(q_minus)), float(clock @ q_minus)
-        table = kernels.GaitTable(
+        table = GaitTable(
             poly=power_basis(alpha),
             clock=np.array(clock, dtype=float),
             theta_start=theta_plus,
@@ -98,20 +98,6 @@ def _bezier(alpha: Vector, s: float, order: int) -> Vector:
     return coefficients @ basis
 
 
-def power_basis(alpha: Vector) -> Vector:
-    """Coefficients of the same polynomials in powers of s, lowest first, (4, M + 1).
-
-    Evaluated by Horner's rule they cost a quarter of the Bernstein form and agree with it to rounding at the
-    degrees gaits have.
-    """
-    degree = alpha.shape[1] - 1
-    convert = np.zeros((degree + 1, degree + 1))
-    for k in range(degree + 1):
-        for j in range(k, degree + 1):
-            convert[k, j] = comb(degree, k) * comb(degree - k, j - k) * (-1) ** (j - k)
-    return np.ascontiguousarray(alpha @ convert)
-
-
 def load_gait(path: Path, model: WalkerModel) -> Gait:
     """Read and check a gait file.
 
@@ -140,14 +126,14 @@ def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
             f"{where}: made for the walker {data.get('walker', '?')!r} with fingerprint {made_for!r}, but {model.path} "
             f"has {model.fingerprint!r}; legal: a gait designed for this walker, see cmpc gait design"
         )
-    alpha = _array(data, "alpha", where, rows=_N_U)
+    alpha = _array(data, "alpha", where, rows=N_U)
     gait = Gait.of(
         name=str(data.get("name", Path(where).stem)),
         source=str(data.get("source", "")),
         alpha=alpha,
-        clock=_array(data, "clock", where, size=_N_Q),
-        q_minus=_array(data, "q_minus", where, size=_N_Q),
-        dq_minus=_array(data, "dq_minus", where, size=_N_Q),
+        clock=_array(data, "clock", where, size=N_Q),
+        q_minus=_array(data, "q_minus", where, size=N_Q),
+        dq_minus=_array(data, "dq_minus", where, size=N_Q),
     )
     if gait.clock[-1] == 0.0:
         raise UserError(f"{where}: clock[4] = 0.0; legal: not 0, the clock must feel the torso angle")

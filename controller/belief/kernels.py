@@ -13,12 +13,11 @@ onto them. Everything is in SI units. Small loops are written out because LAPACK
 this size, and no `fastmath`: results must be the same bytes everywhere.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from controller.belief.linalg import cholesky5, cholesky5_solve
 from controller.compiled import Array, compiled, inlined
 
 N_Q = 5  # coordinates: stance hip, swing hip, stance knee, swing knee, torso
@@ -66,32 +65,6 @@ class Walker(NamedTuple):
     friction: Array
     stiffness: Array
     rest: Array
-
-
-class GaitTable(NamedTuple):
-    """A gait's outputs as polynomials of the normalised clock s.
-
-    Attributes:
-        poly: Power-basis coefficients of h_d,i(s), lowest power first, in [rad], (4, M + 1).
-        clock: Clock vector c of theta = c q, (5,).
-        theta_start: Clock at the start of a step in [rad].
-        theta_span: Clock travelled in a step in [rad].
-        s_first, s_last: Beyond these the outputs go on along their tangents; by default the polynomials never end.
-    """
-
-    poly: Array
-    clock: Array
-    theta_start: float
-    theta_span: float
-    s_first: float = -np.inf
-    s_last: float = np.inf
-
-
-class Gains(NamedTuple):
-    """Diagonals of K_P in [1/s^2] and K_D in [1/s], each (4,)."""
-
-    kp: Array
-    kd: Array
 
 
 class Stage(NamedTuple):
@@ -142,7 +115,7 @@ def new_stage() -> Stage:
 
 @inlined
 def to_links(q: Array, phi: Array) -> None:
-    """Phi = H q: absolute link angles (or rates) from the paper's coordinates."""
+    """phi = H q: absolute link angles (or rates) from the paper's coordinates."""
     phi[0] = q[0] + q[4]
     phi[1] = q[1] + q[4]
     phi[2] = q[0] + q[2] + q[4]
@@ -152,54 +125,12 @@ def to_links(q: Array, phi: Array) -> None:
 
 @inlined
 def from_links(phi: Array, q: Array) -> None:
-    """Q = H^-1 phi, also for rates and accelerations."""
+    """q = H^-1 phi, also for rates and accelerations."""
     q[0] = phi[0] - phi[4]
     q[1] = phi[1] - phi[4]
     q[2] = phi[2] - phi[0]
     q[3] = phi[3] - phi[1]
     q[4] = phi[4]
-
-
-def _cholesky(n: int) -> tuple[Callable[[Array], None], Callable[[Array, Array], None]]:
-    """Factorisation and solve for n x n; with n known to the compiler the loops are unrolled, four times as fast."""
-
-    @inlined
-    def factorise(D: Array) -> None:
-        """Overwrite the lower triangle of a symmetric positive definite matrix by its Cholesky factor.
-
-        The diagonal gets the reciprocals of the factor's: a solve then multiplies where it would divide.
-        """
-        for j in range(n):
-            d = D[j, j]
-            for k in range(j):
-                d -= D[j, k] * D[j, k]
-            d = 1.0 / np.sqrt(d)
-            D[j, j] = d
-            for i in range(j + 1, n):
-                v = D[i, j]
-                for k in range(j):
-                    v -= D[i, k] * D[j, k]
-                D[i, j] = v * d
-
-    @inlined
-    def solve(L: Array, x: Array) -> None:
-        """Solve L L' x = rhs in place, L from the factorisation."""
-        for i in range(n):
-            v = x[i]
-            for k in range(i):
-                v -= L[i, k] * x[k]
-            x[i] = v * L[i, i]
-        for i in range(n - 1, -1, -1):
-            v = x[i]
-            for k in range(i + 1, n):
-                v -= L[k, i] * x[k]
-            x[i] = v * L[i, i]
-
-    return factorise, solve
-
-
-cholesky4, cholesky4_solve = _cholesky(4)
-cholesky5, cholesky5_solve = _cholesky(5)
 
 
 @inlined
@@ -334,88 +265,6 @@ def responses(stage: Stage) -> None:
 
 
 @inlined
-def outputs(gait: GaitTable, q: Array, dq: Array, stage: Stage) -> tuple[float, float]:
-    """Outputs y = h_0(q) - h_d(theta) and rates, Eq. (5); returns theta and its rate."""
-    theta = 0.0
-    dtheta = 0.0
-    for i in range(N_Q):
-        theta += gait.clock[i] * q[i]
-        dtheta += gait.clock[i] * dq[i]
-    wished = (theta - gait.theta_start) / gait.theta_span
-    s = min(max(wished, gait.s_first), gait.s_last)
-    degree = gait.poly.shape[1] - 1
-    for i in range(N_U):
-        h = gait.poly[i, degree]
-        h1 = 0.0
-        h2 = 0.0
-        for k in range(degree - 1, -1, -1):
-            h2 = h2 * s + 2.0 * h1
-            h1 = h1 * s + h
-            h = h * s + gait.poly[i, k]
-        if s != wished:
-            h += h1 * (wished - s)
-            h2 = 0.0
-        stage.h1[i] = h1 / gait.theta_span
-        stage.h2[i] = h2 / (gait.theta_span * gait.theta_span)
-        stage.y[i] = q[i] - h
-        stage.dy[i] = dq[i] - stage.h1[i] * dtheta
-    return theta, dtheta
-
-
-@inlined
-def closed_loop(
-    walker: Walker, gait: GaitTable, gains: Gains, q: Array, dq: Array, stage: Stage
-) -> tuple[float, float]:
-    """ZD+PD torque and the acceleration under it, Eqs. (5)-(9), after `place`; returns theta and its rate.
-
-    The torque of Eq. (7) makes ddy = v. With one unactuated degree of freedom its 4 x 4 system reduces to a scalar
-    one: ddq_a = v + h'' dtheta^2 + h' ddtheta for the actuated joints, and the equation of motion of the torso
-    angle, which no torque enters, gives ddtheta. The other equations of motion then give the torque.
-    """
-    link_inertia(walker, stage)
-    theta, dtheta = outputs(gait, q, dq, stage)
-    # Row of the torso angle in the paper's coordinates: H' sums the link equations.
-    D, c, bias = stage.D, gait.clock, stage.bias
-    s0, s1 = D[0, 0] + D[1, 0] + D[2, 0] + D[3, 0] + D[4, 0], D[0, 1] + D[1, 1] + D[2, 1] + D[3, 1] + D[4, 1]
-    s2, s3 = D[0, 2] + D[1, 2] + D[2, 2] + D[3, 2] + D[4, 2], D[0, 3] + D[1, 3] + D[2, 3] + D[3, 3] + D[4, 3]
-    s4 = D[0, 4] + D[1, 4] + D[2, 4] + D[3, 4] + D[4, 4]
-    total = s0 + s1 + s2 + s3 + s4
-    row = (s0 + s2, s1 + s3, s2, s3)
-    # row . ddq_a + total * ddq_5 + bias = 0 with ddq_a = free + h' ddtheta, ddq_5 = (ddtheta - c_a . ddq_a) / c_5
-    constant = bias[0] + bias[1] + bias[2] + bias[3] + bias[4]
-    slope, clock_free, clock_slope = 0.0, 0.0, 0.0
-    ddq, square = stage.ddq, dtheta * dtheta
-    for i in range(N_U):
-        v = -gains.kd[i] * stage.dy[i] - gains.kp[i] * stage.y[i]  # Eq. (9)
-        free = v + stage.h2[i] * square
-        ddq[i] = free
-        constant += row[i] * free
-        slope += row[i] * stage.h1[i]
-        clock_free += c[i] * free
-        clock_slope += c[i] * stage.h1[i]
-    per_torso = 1.0 / c[4]
-    ratio = total * per_torso
-    ddtheta = (ratio * clock_free - constant) / (slope + ratio * (1.0 - clock_slope))
-    for i in range(N_U):
-        ddq[i] += stage.h1[i] * ddtheta
-    ddq[4] = (ddtheta * (1.0 - clock_slope) - clock_free) * per_torso
-    to_links(ddq, stage.ddphi)
-    a0, a1, a2, a3, a4 = stage.ddphi[0], stage.ddphi[1], stage.ddphi[2], stage.ddphi[3], stage.ddphi[4]
-    knee_stance = bias[2] + D[2, 0] * a0 + D[2, 1] * a1 + D[2, 2] * a2 + D[2, 3] * a3 + D[2, 4] * a4
-    knee_swing = bias[3] + D[3, 0] * a0 + D[3, 1] * a1 + D[3, 2] * a2 + D[3, 3] * a3 + D[3, 4] * a4
-    hip_stance = bias[0] + D[0, 0] * a0 + D[0, 1] * a1 + D[0, 2] * a2 + D[0, 3] * a3 + D[0, 4] * a4
-    hip_swing = bias[1] + D[1, 0] * a0 + D[1, 1] * a1 + D[1, 2] * a2 + D[1, 3] * a3 + D[1, 4] * a4
-    stage.u[0] = hip_stance + knee_stance + walker.damping[0] * dq[0]
-    stage.u[1] = hip_swing + knee_swing + walker.damping[1] * dq[1]
-    stage.u[2] = knee_stance + walker.damping[2] * dq[2]
-    stage.u[3] = knee_swing + walker.damping[3] * dq[3]
-    if walker.resists:
-        for i in range(N_U):
-            stage.u[i] += resistance(walker, i, q[i], dq[i])
-    return theta, dtheta
-
-
-@inlined
 def stance_force(walker: Walker, stage: Stage, force: Array) -> None:
     """Stance contact force, Eq. (18), at the stage's link accelerations; (tangential, normal) in [N], (2,).
 
@@ -433,19 +282,6 @@ def stance_force(walker: Walker, stage: Stage, force: Array) -> None:
             normal -= walker.b_across[i] * (stage.sin[i] * square - stage.cos[i] * stage.ddphi[i])
     force[0] = tangential
     force[1] = normal
-
-
-@compiled
-def zero_dynamics(
-    walker: Walker, gait: GaitTable, gains: Gains, q: Array, dq: Array
-) -> tuple[float, float, Array, Array, Array, Array, Array]:
-    """The closed loop at one state: theta and its rate, u, y, dy, ddq, and the stance force under u."""
-    stage = new_stage()
-    force = np.empty(2)
-    place(q, dq, stage)
-    theta, dtheta = closed_loop(walker, gait, gains, q, dq, stage)
-    stance_force(walker, stage, force)
-    return theta, dtheta, stage.u, stage.y, stage.dy, stage.ddq, force
 
 
 @inlined
@@ -503,68 +339,3 @@ def impact(walker: Walker, q: Array, dq: Array, stage: Stage) -> None:
     cholesky5_solve(stage.L, momentum)
     from_links(momentum, dq)
     to_links(dq, stage.dphi)
-
-
-class Rollout(NamedTuple):
-    """Arrays of a horizon of N stages, filled by `rollout`; see `prediction.Horizon` for their meaning."""
-
-    x: Array  # (N + 1, 10)
-    u: Array  # (N, 4)
-    y: Array  # (N + 1, 4)
-    dy: Array  # (N + 1, 4)
-    rate_per_torque: Array  # (N, 4, 4)
-    force: Array  # (N, 2)
-    force_per_torque: Array  # (N, 2, 4)
-    exchange: NDArray[np.bool_]  # (N,)
-
-
-@compiled
-def rollout(
-    walker: Walker, gait: GaitTable, gains: Gains, T: float, q0: Array, dq0: Array, out: Rollout
-) -> tuple[float, float]:
-    """Closed loop under ZD+PD over N stages with impacts, Eqs. (10)-(13); returns theta and its rate at stage 0."""
-    stage = new_stage()
-    q = q0.copy()
-    dq = dq0.copy()
-    theta0 = 0.0
-    dtheta0 = 0.0
-    N = out.u.shape[0]
-    place(q, dq, stage)
-    _, height, _ = swing_foot(walker, stage)
-    for k in range(N):
-        for i in range(N_Q):
-            out.x[k, i] = q[i]
-            out.x[k, N_Q + i] = dq[i]
-        theta, dtheta = closed_loop(walker, gait, gains, q, dq, stage)
-        if k == 0:
-            theta0, dtheta0 = theta, dtheta
-        factor_inertia(stage)
-        responses(stage)
-        stance_force(walker, stage, out.force[k])
-        stance_force_per_torque(walker, stage, out.force_per_torque[k])
-        for i in range(N_U):
-            out.y[k, i] = stage.y[i]
-            out.dy[k, i] = stage.dy[i]
-            out.u[k, i] = stage.u[i]
-            for j in range(N_U):
-                out.rate_per_torque[k, i, j] = T * stage.BtDinv[j, i]  # velocity rows of T g_k, Eq. (12)
-        for i in range(N_Q):
-            q[i] += T * dq[i] + 0.5 * T * T * stage.ddq[i]  # Eq. (10)
-            dq[i] += T * stage.ddq[i]
-        turn(q, dq, stage)
-        before = height
-        ahead, height, rate = swing_foot(walker, stage)
-        # x reaches S, Eq. (4). A foot measured in the air below S does not land: the ground is lower than believed,
-        # and an impact predicted for the next stage, tick after tick, would have the MPC lift the foot again.
-        out.exchange[k] = ahead > 0.0 and before > 0.0 and height <= 0.0 and rate < 0.0
-        if out.exchange[k]:
-            impact(walker, q, dq, stage)
-            _, height, _ = swing_foot(walker, stage)
-    outputs(gait, q, dq, stage)
-    for i in range(N_Q):
-        out.x[N, i] = q[i]
-        out.x[N, N_Q + i] = dq[i]
-    for i in range(N_U):
-        out.y[N, i] = stage.y[i]
-        out.dy[N, i] = stage.dy[i]
-    return theta0, dtheta0

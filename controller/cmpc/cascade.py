@@ -1,20 +1,21 @@
 """C-MPC: a second layer that corrects ZD+PD where it errs, saturates or would slip."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from controller.belief import Gait, StanceEstimator, WalkerModel, kernels
+from controller.belief import Friction, Gains, Gait, Law, WalkerModel
+from controller.belief.friction import ROWS, UNLIMITED, cone, excess
+from controller.belief.kernels import N_U
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, predict
-from controller.compiled import compiled
+from controller.compiled import Array, compiled
 from controller.qp import Solver, StageQP
-from controller.qp.problem import ROWS, failed
+from controller.qp.problem import failed
 from controller.records import ControlStep, Observation, Status, Vector
 from controller.settings import WeightSettings
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Weights:
+class Weights(NamedTuple):
     """Cost of Eq. (16) on e = (y, dy) and u_tilde; stage k counts k times (Sec. III.E).
 
     Attributes:
@@ -23,12 +24,12 @@ class Weights:
         R: Diagonal of the weight on u_tilde, (4,).
     """
 
-    Q_position: Vector
-    Q_velocity: Vector
-    R: Vector
+    Q_position: Array
+    Q_velocity: Array
+    R: Array
 
     @classmethod
-    def of_paper(cls, gains: kernels.Gains, T: float) -> "Weights":
+    def of_paper(cls, gains: Gains, T: float) -> "Weights":
         """Q = diag(2 K_P / T^2, K_D / T) and R = I, Sec. III.E."""
         return cls(Q_position=2.0 * gains.kp / T**2, Q_velocity=gains.kd / T, R=np.ones(4))
 
@@ -41,33 +42,14 @@ class Weights:
         )
 
 
-PENALTY = 1e5  # [1/N^2] of a softened contact-force row
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Friction:
-    """Contact-force limits of Eq. (21).
-
-    Attributes:
-        mu: Friction coefficient the controller counts on.
-        normal_min: Least normal force in [N]; it keeps Eq. (21) linear.
-        penalty: Cost of a softened row in [1/N^2]; large enough that a row gives way only where the torque box
-            leaves no choice.
-    """
-
-    mu: float
-    normal_min: float
-    penalty: float = PENALTY
-
-
-class CascadedMpc:
+class CascadedMpc(Law):
     """The paper's controller (`c-mpc`)."""
 
     def __init__(
         self,
         model: WalkerModel,
         gait: Gait,
-        gains: kernels.Gains,
+        gains: Gains,
         *,
         N: int,
         T: float,
@@ -87,19 +69,14 @@ class CascadedMpc:
             friction: Contact-force limits, None to leave the friction rows out.
             solver: Solves Eq. (22).
         """
-        self.model, self.gait, self.gains = model, gait, gains
+        super().__init__(model, gait, gains)
         self.N, self.T = N, T
         self.weights, self.friction, self.solver = weights, friction, solver
-        self.stance = StanceEstimator(model)
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
-        self.stance.reset(stance)
+        super().reset(stance)
         self.solver.reset()
-
-    def follow(self, gait: Gait, rate_change: Vector) -> None:
-        """Follow another gait from now on; its nominal clock rate does not matter here."""
-        self.gait = gait
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick, as listed in Sec. III.D.
@@ -107,7 +84,7 @@ class CascadedMpc:
         Implements: Eq. (23).
         """
         state = self.stance.update(observation)  # which leg stands
-        horizon = predict(self.model, self.gait, self.gains, state, self.N, self.T)  # Eqs. (10)-(13)
+        horizon = predict(self.loop, state, self.N, self.T)  # Eqs. (10)-(13)
         if horizon.is_finite:
             problem = build_problem(horizon, self.weights, self.model.torque_limits, self.friction)  # Eqs. (14)-(22)
             solution = self.solver.solve(problem)
@@ -119,12 +96,11 @@ class CascadedMpc:
             u_mpc = solution.u[0]
         else:
             u_mpc = np.clip(u, -limit, limit) - u  # the one fall-back policy: saturated ZD+PD
-        u_total = u + u_mpc  # Eq. (23)
-        return ControlStep(
-            stance=state.leg.value,
-            u_zd=state.leg.from_body(u),
-            u_mpc=state.leg.from_body(u_mpc),
-            u_total=state.leg.from_body(u_total),
+        return ControlStep.of(
+            state.leg,
+            u + u_mpc,  # Eq. (23)
+            u_zd=u,
+            u_mpc=u_mpc,
             y=horizon.y[0],
             dy=horizon.dy[0],
             theta=horizon.theta,
@@ -159,60 +135,39 @@ def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: F
         limit: Torque limits in [N.m], (4,): hips, then knees.
         friction: Contact-force limits, None for none.
     """
-    N = horizon.u.shape[0]
-    rows = 0 if friction is None else ROWS
+    N, r = horizon.u.shape[0], 0 if friction is None else ROWS
+    friction = UNLIMITED if friction is None else friction
+    e = np.empty
     problem = StageQP(
         rate=horizon.rate_per_torque,
-        weight=np.empty((N, 4)),
-        linear=np.empty((N, 4)),
+        weight=e((N, 4)),
+        linear=e((N, 4)),
         R=weights.R,
-        lower=np.empty((N, 4)),
-        upper=np.empty((N, 4)),
-        rows=np.empty((N, rows, 4)),
-        limits=np.empty((N, rows)),
-        penalty=0.0 if friction is None else friction.penalty,
+        lower=e((N, 4)),
+        upper=e((N, 4)),
+        rows=e((N, r, 4)),
+        limits=e((N, r)),
+        penalty=friction.penalty,
     )
-    mu, normal_min = (0.0, 0.0) if friction is None else (friction.mu, friction.normal_min)
-    _fill(
-        horizon.T, horizon.y, horizon.dy, horizon.u, horizon.force, horizon.force_per_torque, weights.Q_position,
-        weights.Q_velocity, limit, mu, normal_min, problem.weight, problem.linear, problem.lower, problem.upper,
-        problem.rows, problem.limits,
-    )  # fmt: skip
+    fill(horizon, weights, limit, friction, problem)
     return problem
 
 
 @compiled
-def _errors(T, y, dy, Qp, Qd, weight, linear):  # type: ignore[no-untyped-def]
-    """Cost of the error stack in w, Eqs. (14)-(17); stage k counts k times."""
-    for k in range(weight.shape[0]):
-        for i in range(4):
-            weight[k, i] = (k + 1) * (0.25 * T * T * Qp[i] + Qd[i])
-            linear[k, i] = (k + 1) * (0.5 * T * Qp[i] * y[k + 1, i] + Qd[i] * dy[k + 1, i])
-
-
-@compiled
-def _contact_rows(force, per_torque, mu, normal_min, rows, limits):  # type: ignore[no-untyped-def]
-    """|F_T| <= mu F_N as two rows, which Eq. (21) is once F_N > 0, and F_N >= normal_min."""
-    for k in range(rows.shape[0]):
-        for j in range(4):
-            tangential, normal = per_torque[k, 0, j], per_torque[k, 1, j]
-            rows[k, 0, j] = tangential - mu * normal
-            rows[k, 1, j] = -tangential - mu * normal
-            rows[k, 2, j] = -normal
-        limits[k, 0] = mu * force[k, 1] - force[k, 0]
-        limits[k, 1] = mu * force[k, 1] + force[k, 0]
-        limits[k, 2] = force[k, 1] - normal_min
-
-
-@compiled
-def _fill(  # type: ignore[no-untyped-def]
-    T, y, dy, u, force, per_torque, Qp, Qd, limit, mu, normal_min, weight, linear, lower, upper, rows, limits
-):
-    """All numbers of the problem that are not the horizon's own."""
-    _errors(T, y, dy, Qp, Qd, weight, linear)
-    for k in range(u.shape[0]):
-        for i in range(4):
-            lower[k, i] = -limit[i] - u[k, i]  # Eq. (19)
-            upper[k, i] = limit[i] - u[k, i]
-    if rows.shape[1] > 0:
-        _contact_rows(force, per_torque, mu, normal_min, rows, limits)
+def fill(horizon: Horizon, weights: Weights, limit: Array, friction: Friction, out: StageQP) -> None:
+    """All numbers of the problem that are not the horizon's own or the same in every tick."""
+    T, Qp, Qd = horizon.T, weights.Q_position, weights.Q_velocity
+    N, r = out.limits.shape
+    for k in range(N):
+        for i in range(N_U):
+            # Cost of the error stack in w, Eqs. (14)-(17); stage k counts k times.
+            out.weight[k, i] = (k + 1) * (0.25 * T * T * Qp[i] + Qd[i])
+            out.linear[k, i] = (k + 1) * (0.5 * T * Qp[i] * horizon.y[k + 1, i] + Qd[i] * horizon.dy[k + 1, i])
+            out.lower[k, i] = -limit[i] - horizon.u[k, i]  # Eq. (19)
+            out.upper[k, i] = limit[i] - horizon.u[k, i]
+        if r > 0:
+            for j in range(N_U):  # Eq. (21)
+                per_torque = cone(friction, horizon.force_per_torque[k, 0, j], horizon.force_per_torque[k, 1, j])
+                out.rows[k, 0, j], out.rows[k, 1, j], out.rows[k, 2, j] = per_torque
+            beyond = excess(friction, horizon.force[k])
+            out.limits[k, 0], out.limits[k, 1], out.limits[k, 2] = -beyond[0], -beyond[1], -beyond[2]

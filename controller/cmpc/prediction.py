@@ -1,12 +1,27 @@
 """Partial prediction: the closed loop under ZD+PD alone, simulated ahead through predicted impacts."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.belief import Gait, WalkerModel, kernels
-from controller.compiled import compiled
+from controller.belief.closed_loop import Loop, closed_loop, outputs
+from controller.belief.ground import crosses
+from controller.belief.kernels import (
+    N_Q,
+    N_U,
+    factor_inertia,
+    impact,
+    new_stage,
+    place,
+    responses,
+    stance_force,
+    stance_force_per_torque,
+    swing_foot,
+    turn,
+)
+from controller.compiled import Array, compiled
 from controller.records import StanceState, Vector
 
 ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers
@@ -21,8 +36,7 @@ def _within(a, bound):  # type: ignore[no-untyped-def]
     return True
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Horizon:
+class Horizon(NamedTuple):
     """What the closed loop does over N stages if the MPC stays silent, each stage in its own stance order.
 
     Attributes:
@@ -36,21 +50,29 @@ class Horizon:
         force: Stance contact force F_f of Eq. (20), (tangential, normal) in [N], (N, 2).
         force_per_torque: -S_MPC of Eq. (20) in [1/m], (N, 2, 4).
         exchange: Whether the legs are exchanged by an impact after stage k, (N,).
-        theta: Clock at stage 0 in [rad].
-        dtheta: Its rate in [rad/s].
+        clock: Clock at stage 0 in [rad] and its rate in [rad/s], (2,).
     """
 
     T: float
-    x: Vector
-    u: Vector
-    y: Vector
-    dy: Vector
-    rate_per_torque: Vector
-    force: Vector
-    force_per_torque: Vector
+    x: Array
+    u: Array
+    y: Array
+    dy: Array
+    rate_per_torque: Array
+    force: Array
+    force_per_torque: Array
     exchange: NDArray[np.bool_]
-    theta: float
-    dtheta: float
+    clock: Array
+
+    @property
+    def theta(self) -> float:
+        """Clock at stage 0 in [rad]."""
+        return float(self.clock[0])
+
+    @property
+    def dtheta(self) -> float:
+        """Its rate in [rad/s]."""
+        return float(self.clock[1])
 
     @property
     def is_finite(self) -> bool:
@@ -102,15 +124,22 @@ class CorrectedHorizon:
         return self.horizon.forces_under(self.u_mpc)
 
 
-def predict(model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceState, N: int, T: float) -> Horizon:
+def new_horizon(N: int, T: float) -> Horizon:
+    """Room for N stages of T [s]."""
+    e = np.empty
+    return Horizon(
+        T, e((N + 1, 10)), e((N, 4)), e((N + 1, 4)), e((N + 1, 4)), e((N, 4, 4)), e((N, 2)), e((N, 2, 4)),
+        np.empty(N, dtype=np.bool_), e(2),
+    )  # fmt: skip
+
+
+def predict(loop: Loop, state: StanceState, N: int, T: float) -> Horizon:
     """Simulate the closed loop under ZD+PD from the measured state, u_tilde = 0.
 
     Implements: Eqs. (4), (10)-(13).
 
     Args:
-        model: The walker believed in.
-        gait: The outputs.
-        gains: ZD+PD gains.
+        loop: The walker believed in, its gait and the ZD+PD gains.
         state: Measured state.
         N: Stages.
         T: Sampling time in [s].
@@ -119,15 +148,52 @@ def predict(model: WalkerModel, gait: Gait, gains: kernels.Gains, state: StanceS
         The horizon; an impact is found from the predicted state (swing foot at or below the stance foot, ahead of
         it and going down), never from time.
     """
-    arrays = kernels.Rollout(
-        x=np.empty((N + 1, 10)),
-        u=np.empty((N, 4)),
-        y=np.empty((N + 1, 4)),
-        dy=np.empty((N + 1, 4)),
-        rate_per_torque=np.empty((N, 4, 4)),
-        force=np.empty((N, 2)),
-        force_per_torque=np.empty((N, 2, 4)),
-        exchange=np.empty(N, dtype=np.bool_),
-    )
-    theta, dtheta = kernels.rollout(model.lumped, gait.table, gains, T, state.q, state.dq, arrays)
-    return Horizon(T=T, theta=theta, dtheta=dtheta, **arrays._asdict())
+    horizon = new_horizon(N, T)
+    roll_out(loop, state.q, state.dq, horizon)
+    return horizon
+
+
+@compiled
+def roll_out(loop: Loop, q0: Array, dq0: Array, out: Horizon) -> None:
+    """Fill a horizon with the closed loop under ZD+PD from a state (5,), (5,), through impacts, Eqs. (10)-(13)."""
+    walker, T = loop.walker, out.T
+    stage = new_stage()
+    q = q0.copy()
+    dq = dq0.copy()
+    N = out.u.shape[0]
+    place(q, dq, stage)
+    _, height, _ = swing_foot(walker, stage)
+    for k in range(N):
+        for i in range(N_Q):
+            out.x[k, i] = q[i]
+            out.x[k, N_Q + i] = dq[i]
+        theta, dtheta = closed_loop(loop, q, dq, stage)
+        if k == 0:
+            out.clock[0], out.clock[1] = theta, dtheta
+        factor_inertia(stage)
+        responses(stage)
+        stance_force(walker, stage, out.force[k])
+        stance_force_per_torque(walker, stage, out.force_per_torque[k])
+        for i in range(N_U):
+            out.y[k, i] = stage.y[i]
+            out.dy[k, i] = stage.dy[i]
+            out.u[k, i] = stage.u[i]
+            for j in range(N_U):
+                out.rate_per_torque[k, i, j] = T * stage.BtDinv[j, i]  # velocity rows of T g_k, Eq. (12)
+        for i in range(N_Q):
+            q[i] += T * dq[i] + 0.5 * T * T * stage.ddq[i]  # Eq. (10)
+            dq[i] += T * stage.ddq[i]
+        turn(q, dq, stage)
+        before = height
+        ahead, height, rate = swing_foot(walker, stage)
+        out.exchange[k] = crosses(ahead, before, height, rate)  # x reaches S, Eq. (4)
+        if out.exchange[k]:
+            impact(walker, q, dq, stage)
+            _, height, _ = swing_foot(walker, stage)
+    outputs(loop.gait, q, dq, stage)
+    for i in range(N_Q):
+        out.x[N, i] = q[i]
+        out.x[N, N_Q + i] = dq[i]
+    for i in range(N_U):
+        out.y[N, i] = stage.y[i]
+        out.dy[N, i] = stage.dy[i]

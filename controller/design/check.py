@@ -4,8 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel
-from controller.belief.kernels import Gains
+from controller.belief import Gains, Gait, WalkerModel
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.poincare import NoReturn, ReturnMap, return_map
 from controller.design.requirements import Margin, Requirements, margins

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel
-from controller.belief.kernels import Gains
+from controller.belief import Gains, Gait, WalkerModel
 from controller.design.poincare import NoReturn, return_map, step
 
 LOWEST = np.array([5.0] * 4 + [2.0] * 4)  # [1/s^2], [1/s]
@@ -51,10 +50,10 @@ def score(model: WalkerModel, gait: Gait, gains: Gains, hold: float) -> Score:
     """
     try:
         section = return_map(model, gait, gains, hold=hold, substeps=1)
-        _, _, peak, _ = step(model, gait, gains, section.x_minus + DISTURBANCE, hold=hold, substeps=1)
+        disturbed = step(model, gait, gains, section.x_minus + DISTURBANCE, hold=hold, substeps=1)
     except (NoReturn, np.linalg.LinAlgError):
         return Score(value=FALLEN, largest=FALLEN, eigenvalues=(), torque_excess=0.0)
     sizes = tuple(float(x) for x in np.abs(section.eigenvalues))
-    excess = max(0.0, float((peak / model.torque_limits).max()) - 1.0)
+    excess = max(0.0, float((disturbed.peak / model.torque_limits).max()) - 1.0)
     value = sizes[0] + OTHERS * float(np.mean(sizes[1:])) + EXCESS * excess
     return Score(value=min(value, FALLEN), largest=sizes[0], eigenvalues=sizes, torque_excess=excess)

@@ -5,14 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.belief import kernels
-from controller.belief.kernels import (
-    N_Q,
-    N_U,
-    Gains,
-    GaitTable,
-    Stage,
-    Walker,
-)
+from controller.belief.closed_loop import Gains, GaitTable, Loop, closed_loop, outputs
+from controller.belief.ground import lands
+from controller.belief.kernels import N_Q, N_U, Stage, Walker
+from controller.belief.polynomial import horner
 from controller.compiled import Array, compiled
 
 
@@ -35,14 +31,10 @@ def on_the_gait(gait: GaitTable, theta: float, q: Array, slope: Array) -> None:
     """Posture and dq/dtheta where the outputs are zero and the clock shows theta."""
     c = gait.clock
     s = (theta - gait.theta_start) / gait.theta_span
-    degree = gait.poly.shape[1] - 1
     value = theta
     rate = 1.0
     for i in range(N_U):
-        h, h1 = gait.poly[i, degree], 0.0
-        for j in range(degree - 1, -1, -1):
-            h1 = h1 * s + h
-            h = h * s + gait.poly[i, j]
+        h, h1, _ = horner(gait.poly, i, s)
         q[i] = h
         slope[i] = h1 / gait.theta_span
         value -= c[i] * h
@@ -73,13 +65,13 @@ def shape(walker: Walker, gait: GaitTable, s: Array, stage: Stage, out: Nodes) -
 @compiled
 def motion(walker: Walker, gait: GaitTable, dtheta: Array, stage: Stage, out: Nodes) -> None:
     """What the clock's rate adds: dq, torque and stance force on the zero dynamics, swing foot."""
-    gains = Gains(np.zeros(N_U), np.zeros(N_U))  # the outputs are zero, so no gain matters
+    loop = Loop(walker, gait, Gains(np.zeros(N_U), np.zeros(N_U)))  # the outputs are zero, so no gain matters
     for k in range(dtheta.shape[0]):
         out.dtheta[k] = dtheta[k]
         for i in range(N_Q):
             out.dq[k, i] = out.slope[k, i] * dtheta[k]
         kernels.place(out.q[k], out.dq[k], stage)
-        kernels.closed_loop(walker, gait, gains, out.q[k], out.dq[k], stage)
+        closed_loop(loop, out.q[k], out.dq[k], stage)
         kernels.stance_force(walker, stage, out.force[k])
         for i in range(N_U):
             out.u[k, i] = stage.u[i]
@@ -141,7 +133,7 @@ def errors_after(walker: Walker, gait: GaitTable, dtheta: float, error: Array, s
         dq[i] += error[N_U + i]
         dq[N_U] -= c[i] * error[N_U + i] / c[N_U]
     q_plus, dq_plus, _, _ = strike(walker, q, dq, stage)
-    kernels.outputs(gait, q_plus, dq_plus, stage)
+    outputs(gait, q_plus, dq_plus, stage)
     after[:N_U] = stage.y
     after[N_U:] = stage.dy
     return after
@@ -187,97 +179,105 @@ def decay(gains: Gains, t: float) -> Array:
     return found
 
 
+class Drive(NamedTuple):
+    """What moves the full model.
+
+    Attributes:
+        loop: Closed loop under ZD+PD.
+        u: Torque in [N.m], (4,), if it is held.
+        held: Whether it is; else the law acts in continuous time.
+        stage: Scratch.
+        k: Scratch: slopes of a Runge-Kutta step, (4, 10).
+    """
+
+    loop: Loop
+    u: Array
+    held: bool
+    stage: Stage
+    k: Array
+
+
 @compiled
-def _rate(
-    walker: Walker, gait: GaitTable, gains: Gains, x: Array, u: Array, held: bool, stage: Stage, dx: Array
-) -> None:
-    """dx/dt of the full model, under the torque of now (held = False) or a held one."""
+def _rate(drive: Drive, x: Array, dx: Array) -> None:
+    """dx/dt of the full model."""
     q, dq = x[:N_Q], x[N_Q:]
-    kernels.place(q, dq, stage)
-    if held:
-        kernels.accelerate(walker, dq, u, stage)
+    kernels.place(q, dq, drive.stage)
+    if drive.held:
+        kernels.accelerate(drive.loop.walker, dq, drive.u, drive.stage)
     else:
-        kernels.closed_loop(walker, gait, gains, q, dq, stage)
+        closed_loop(drive.loop, q, dq, drive.stage)
     for i in range(N_Q):
         dx[i] = dq[i]
-        dx[N_Q + i] = stage.ddq[i]
+        dx[N_Q + i] = drive.stage.ddq[i]
 
 
 @compiled
-def _advance(
-    walker: Walker,
-    gait: GaitTable,
-    gains: Gains,
-    x: Array,
-    u: Array,
-    held: bool,
-    h: float,
-    stage: Stage,
-    k: Array,
-    out: Array,
-) -> None:
+def _advance(drive: Drive, x: Array, h: float, out: Array) -> None:
     """One step of the classical Runge-Kutta method of fourth order from x over h [s] into out."""
-    _rate(walker, gait, gains, x, u, held, stage, k[0])
-    _rate(walker, gait, gains, x + 0.5 * h * k[0], u, held, stage, k[1])
-    _rate(walker, gait, gains, x + 0.5 * h * k[1], u, held, stage, k[2])
-    _rate(walker, gait, gains, x + h * k[2], u, held, stage, k[3])
+    k = drive.k
+    _rate(drive, x, k[0])
+    _rate(drive, x + 0.5 * h * k[0], k[1])
+    _rate(drive, x + 0.5 * h * k[1], k[2])
+    _rate(drive, x + h * k[2], k[3])
     for i in range(2 * N_Q):
         out[i] = x[i] + h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
 
 
+class Step(NamedTuple):
+    """One step of the full model.
+
+    Attributes:
+        x: State before the next impact, (10,); NaN if there was none.
+        time: Step time in [s].
+        peak: Largest torque asked for in [N.m], (4,).
+        friction: Largest |F_T / F_N|.
+    """
+
+    x: Array
+    time: float
+    peak: Array
+    friction: float
+
+
 @compiled
-def full_step(
-    walker: Walker,
-    gait: GaitTable,
-    gains: Gains,
-    limits: Array,
-    x_minus: Array,
-    h: float,
-    substeps: int,
-    time_limit: float,
-) -> tuple[Array, float, Array, float]:
+def full_step(loop: Loop, limits: Array, x_minus: Array, h: float, substeps: int, time_limit: float) -> Step:
     """One step of the full closed loop: impact, then stance until the swing foot meets the ground ahead.
 
     Args:
-        walker: Constants.
-        gait: Outputs.
-        gains: ZD+PD gains.
+        loop: Closed loop under ZD+PD.
         limits: Where the torque saturates in [N.m], (4,), stance order.
         x_minus: State before the impact, (10,).
         h: Integration step in [s].
         substeps: Integration steps for which a torque is held, counted from the impact; 0 for a law in
             continuous time, which does not saturate.
         time_limit: Give up after it, in [s].
-
-    Returns:
-        State before the next impact (NaN if there was none), step time in [s], largest torque asked for in [N.m],
-        (4,), largest |F_T / F_N|.
     """
-    stage = kernels.new_stage()
+    walker, stage = loop.walker, kernels.new_stage()
     q, dq, _, _ = strike(walker, x_minus[:N_Q], x_minus[N_Q:], stage)
-    x, nxt, k = np.empty(2 * N_Q), np.empty(2 * N_Q), np.empty((4, 2 * N_Q))
+    x, nxt = np.empty(2 * N_Q), np.empty(2 * N_Q)
     x[:N_Q] = q
     x[N_Q:] = dq
     u, peak, force = np.zeros(N_U), np.zeros(N_U), np.empty(2)
     held = substeps > 0
+    drive = Drive(loop, u, held, stage, np.empty((4, 2 * N_Q)))
     ratio = 0.0
     time = 0.0
     n = 0
     while time < time_limit:
         if not held or n % substeps == 0:
             kernels.place(x[:N_Q], x[N_Q:], stage)
-            kernels.closed_loop(walker, gait, gains, x[:N_Q], x[N_Q:], stage)
+            closed_loop(loop, x[:N_Q], x[N_Q:], stage)
             kernels.stance_force(walker, stage, force)
             ratio = max(ratio, abs(force[0]) / max(force[1], 1e-9))
             for i in range(N_U):
                 peak[i] = max(peak[i], abs(stage.u[i]))
                 u[i] = min(max(stage.u[i], -limits[i]), limits[i])
-        _advance(walker, gait, gains, x, u, held, h, stage, k, nxt)
+        _advance(drive, x, h, nxt)
         kernels.place(nxt[:N_Q], nxt[N_Q:], stage)
         ahead, height, rate = kernels.swing_foot(walker, stage)
         if not np.isfinite(height):
             break
-        if ahead > 0.0 and height <= 0.0 and rate < 0.0:
+        if lands(ahead, height, rate):
             # Where within this step the foot meets the ground: safeguarded secant on the length of the step.
             low, high = 0.0, h
             kernels.place(x[:N_Q], x[N_Q:], stage)
@@ -287,7 +287,7 @@ def full_step(
                 part = low - z_low * (high - low) / (z_high - z_low) if trial % 3 != 2 else 0.5 * (low + high)
                 if not low < part < high:
                     part = 0.5 * (low + high)
-                _advance(walker, gait, gains, x, u, held, part, stage, k, nxt)
+                _advance(drive, x, part, nxt)
                 kernels.place(nxt[:N_Q], nxt[N_Q:], stage)
                 _, z, _ = kernels.swing_foot(walker, stage)
                 if abs(z) < 1e-14 or high - low < 1e-16:
@@ -296,10 +296,10 @@ def full_step(
                     low, z_low = part, z
                 else:
                     high, z_high = part, z
-            return nxt, time + part, peak, ratio
+            return Step(nxt, time + part, peak, ratio)
         for i in range(2 * N_Q):
             x[i] = nxt[i]
         time += h
         n += 1
     nxt[:] = np.nan
-    return nxt, time, peak, ratio
+    return Step(nxt, time, peak, ratio)

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel, kernels
-from controller.belief.kernels import Gains
-from controller.design import orbit_kernels
+from controller.belief import Gains, Gait, Loop, WalkerModel, kernels
+from controller.design.orbit_kernels import Step, full_step
 from controller.records import Vector
 
 STEP = 2.5e-4  # [s] integration: the orbit's error after a step is below 1e-11
@@ -52,7 +51,7 @@ class ReturnMap:
 
 def step(
     model: WalkerModel, gait: Gait, gains: Gains, x_minus: Vector, *, hold: float = 0.0, substeps: int = 4
-) -> tuple[Vector, float, Vector, float]:
+) -> Step:
     """One step of the full closed loop under ZD+PD; see `orbit_kernels.full_step`.
 
     Args:
@@ -69,12 +68,11 @@ def step(
     """
     substeps = substeps if hold else 0
     h = hold / substeps if hold else STEP
-    found = orbit_kernels.full_step(
-        model.lumped, gait.table, gains, model.torque_limits, x_minus, h, substeps, TIME_LIMIT
-    )
-    if not np.isfinite(found[0]).all():
+    loop = Loop(model.lumped, gait.table, gains)
+    taken: Step = full_step(loop, model.torque_limits, x_minus, h, substeps, TIME_LIMIT)
+    if not np.isfinite(taken.x).all():
         raise NoReturn(f"no impact within {TIME_LIMIT:g} s")
-    return found
+    return taken
 
 
 def tangent(model: WalkerModel, q: Vector) -> Vector:
@@ -116,14 +114,14 @@ def return_map(
     x = np.r_[gait.q_minus, gait.dq_minus] if start is None else start
     for _ in range(NEWTON_STEPS):
         basis = tangent(model, x[:5])
-        end, time, peak, friction = step(model, gait, gains, x, hold=hold, substeps=substeps)
-        miss = basis.T @ (end - x)
+        now = step(model, gait, gains, x, hold=hold, substeps=substeps)
+        miss = basis.T @ (now.x - x)
         jacobian = np.empty((9, 9))
         for i in range(9):
-            ahead, *_ = step(model, gait, gains, x + DIFFERENCE * basis[:, i], hold=hold, substeps=substeps)
-            behind, *_ = step(model, gait, gains, x - DIFFERENCE * basis[:, i], hold=hold, substeps=substeps)
-            jacobian[:, i] = basis.T @ (ahead - behind) / (2.0 * DIFFERENCE)
-        residual = float(np.abs(end - x).max())
+            ahead = step(model, gait, gains, x + DIFFERENCE * basis[:, i], hold=hold, substeps=substeps)
+            behind = step(model, gait, gains, x - DIFFERENCE * basis[:, i], hold=hold, substeps=substeps)
+            jacobian[:, i] = basis.T @ (ahead.x - behind.x) / (2.0 * DIFFERENCE)
+        residual = float(np.abs(now.x - x).max())
         if hold == 0.0 or residual < 1e-9:
             break
         x = x + basis @ np.linalg.solve(np.eye(9) - jacobian, miss)
@@ -133,9 +131,9 @@ def return_map(
         x_minus=x,
         residual=residual,
         eigenvalues=values[np.argsort(-np.abs(values), kind="stable")],
-        step_time=time,
-        peak_torque=peak,
-        friction=friction,
+        step_time=now.time,
+        peak_torque=now.peak,
+        friction=now.friction,
     )
 
 

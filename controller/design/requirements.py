@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel
-from controller.belief.kernels import Gains
+from controller.belief import Gains, Gait, WalkerModel
 from controller.design.orbit import Orbit
 from controller.design.transverse import transverse_eigenvalues
 from controller.records import NORMAL, STANCE_KNEE, SWING_KNEE, TANGENTIAL, TORSO, Vector

@@ -7,8 +7,7 @@ hybrid invariant gait the Poincare map is block triangular, so these eigenvalues
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel
-from controller.belief.kernels import Gains
+from controller.belief import Gains, Gait, WalkerModel
 from controller.design import orbit_kernels
 from controller.design.orbit import Orbit
 

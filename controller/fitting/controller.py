@@ -19,37 +19,17 @@ they see.
 """
 
 from dataclasses import replace
-from typing import Protocol
 
-from controller.belief import Gait, StanceEstimator, WalkerModel
+from controller.belief import Law, StanceEstimator, WalkerModel
 from controller.fitting.family import GaitFamily
-from controller.records import TORSO, ControlStep, Observation, StanceState, Vector
+from controller.records import TORSO, ControlStep, Observation, StanceState
 from controller.settings import FittingSettings
-
-
-class Follower(Protocol):
-    """A controller that can be given another gait in mid-walk."""
-
-    def reset(self, stance: str) -> None:
-        """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
-
-    def follow(self, gait: Gait, rate_change: Vector) -> None:
-        """Follow another gait from now on.
-
-        Args:
-            gait: Of the same walker and clock.
-            rate_change: What its nominal clock rate has over the first gait's in [rad/s], a polynomial of the
-                normalised clock, lowest power first.
-        """
-
-    def step(self, observation: Observation) -> ControlStep:
-        """One tick."""
 
 
 class GaitFitting:
     """Chooses the gait at each impact; everything else is the inner controller's."""
 
-    def __init__(self, inner: Follower, model: WalkerModel, family: GaitFamily, rule: FittingSettings) -> None:
+    def __init__(self, inner: Law, model: WalkerModel, family: GaitFamily, rule: FittingSettings) -> None:
         """Put the parts together.
 
         Args:

@@ -6,19 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.belief import Gait, StanceEstimator, WalkerModel
-from controller.belief.kernels import Gains
-from controller.cmpc.cascade import Friction
+from controller.belief import Friction, Gains, Gait, Law, WalkerModel
+from controller.belief.ground import LEVEL, Ground, under_the_foot
 from controller.ltv import plan
 from controller.ltv.cost import off_the_orbit
-from controller.ltv.landing import Ground
+from controller.ltv.horizon import Outlook
 from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
 from controller.ltv.problem import residuals
 from controller.records import ControlStep, Observation, StanceState, Status, Vector
 from controller.settings import LtvSettings
 
 BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
-BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,7 +48,7 @@ class LtvPlan:
         return int(len(self.force) * self.ticks_per_stage + 1e-9)
 
 
-class LtvCascade:
+class LtvCascade(Law):
     """The second cascade; ZD+PD inside as in the first, and the same records out."""
 
     def __init__(
@@ -73,36 +71,33 @@ class LtvCascade:
             settings: Prediction and cost.
             friction: Contact-force limits, None to leave their rows out.
         """
-        self.model, self.gait, self.gains = model, gait, gains
-        self._table = gait.table._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
+        super().__init__(model, gait, gains)
+        self._end_polynomials()
         self.settings = settings
-        self.cost = off_the_orbit(
-            settings, model.torque_limits, (friction.mu, friction.normal_min) if friction else None
-        )
+        self.cost = off_the_orbit(settings, model.torque_limits, friction)
         self._grown = self.cost.error[:, :1] / settings.output  # of a stage's weights over those of the first
         self.orbit = self._own_orbit = find_orbit(model, gait)
-        self.stance = StanceEstimator(model)
         self._N, self._period = settings.stages, period
         self._stage_time, self._substeps = settings.stage_time, settings.substeps
         self.reset("left")
 
     def follow(self, gait: Gait, rate_change: Vector) -> None:
-        """Follow another gait from now on.
-
-        Args:
-            gait: Of the same walker and clock.
-            rate_change: What its nominal clock rate has over the first gait's in [rad/s], a polynomial of the
-                normalised clock, lowest power first.
-        """
-        self.gait = gait
-        self._table = gait.table._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
+        """Follow another gait, at its nominal clock rate, from now on."""
+        super().follow(gait, rate_change)
+        self._end_polynomials()
         self.orbit = Orbit(self._own_orbit.poly + rate_change, gait.table.theta_start, gait.table.theta_span)
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
-        self.stance.reset(stance)
-        self.ground = Ground(0.0, 0.0)
+        super().reset(stance)
+        self.ground = LEVEL
         self.workspace = plan.new_workspace(self._N)
+        self._figures: plan.Figures | None = None
+
+    def _end_polynomials(self) -> None:
+        """Outputs go on along their tangents a little beyond the clock's normal range."""
+        table = self.loop.gait._replace(s_first=-BEYOND, s_last=1.0 + BEYOND)
+        self.loop = self.loop._replace(gait=table)
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick."""
@@ -114,39 +109,43 @@ class LtvCascade:
             self._touched_down(state)
         self._weigh(state)
         started = time.perf_counter()
-        found = plan.improve(
-            self.model.lumped, self._table, self.gains, self.cost, self.orbit, self._ground_under(state),
-            self._stage_time / self._substeps, self._substeps, state.q, state.dq,
-            exchanged, self._period / self._stage_time, w,
+        outlook = Outlook(
+            self.loop, self.cost.limit, self._ground_under(state), self._stage_time / self._substeps, self._substeps,
+            state.q, state.dq,
         )  # fmt: skip
+        doubtful = self._figures is None or self._figures.share < 1.0
+        figures = plan.improve(
+            outlook, self.cost, self.orbit, self._period / self._stage_time, exchanged, doubtful, w
+        )  # fmt: skip
+        self._figures = figures
         solve_s = time.perf_counter() - started
         u, z = w.other.u[0].copy(), w.other.z[0]
         limit = self.model.torque_limits
-        u_mpc = w.plan[0].copy() if found else np.clip(u, -limit, limit) - u
-        if not found:
+        if figures.found:
+            u_mpc = w.plan[0].copy()
+        else:
+            u_mpc = np.clip(u, -limit, limit) - u  # the one fall-back policy: saturated ZD+PD
             w.plan[:] = 0.0
-        u_total = u + u_mpc
-        force = w.other.force[0].copy()
-        return ControlStep(
-            stance=state.leg.value,
-            u_zd=state.leg.from_body(u),
-            u_mpc=state.leg.from_body(u_mpc),
-            u_total=state.leg.from_body(u_total),
+        return ControlStep.of(
+            state.leg,
+            u + u_mpc,
+            u_zd=u,
+            u_mpc=u_mpc,
             y=z[:4].copy(),
             dy=z[4:8].copy(),
             theta=float(z[8]),
             dtheta=float(z[9]),
             s=self.gait.normalised(float(z[8])),
-            contact_force=force,
+            contact_force=w.other.force[0].copy(),
             impact_in=self._impact_in(),
-            status=self._status() if found else Status.PREDICTION_DIVERGED,
-            fallback=not found,
-            iterations=int(abs(w.figures[3])),
-            residuals=residuals(w.problem, w.state) if found else np.full(3, math.nan),
-            slack=float(w.figures[4]) if found else 0.0,
+            status=_status(figures),
+            fallback=not figures.found,
+            iterations=abs(figures.sweeps),
+            residuals=residuals(w.problem, w.state) if figures.found else np.full(3, math.nan),
+            slack=figures.excess,
             active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
             solve_s=solve_s,
-            plan=self._plan() if found else None,
+            plan=self._plan() if figures.found else None,
         )
 
     def _weigh(self, state: StanceState) -> None:
@@ -155,11 +154,6 @@ class LtvCascade:
         rate, _ = nominal_rate(self.orbit, float(clock @ state.q))
         off = abs(float(clock @ state.dq) - rate)
         self.cost.error[:, :4] = self._grown * self.settings.output_at(off)
-
-    def _status(self) -> Status:
-        """Whether the quadratic model was solved and its whole step taken."""
-        _, _, share, sweeps, _ = self.workspace.figures
-        return Status.OPTIMAL if share == 1.0 and sweeps > 0 else Status.SUBOPTIMAL
 
     def _plan(self) -> LtvPlan:
         ahead = self.workspace.other
@@ -175,10 +169,16 @@ class LtvCascade:
     def _ground_under(self, state: StanceState) -> Ground:
         """The ground believed in, lowered where the swing foot is below it and feels nothing."""
         ahead, height, _ = self.model.swing_foot(state.q, state.dq)
-        below = height - self.ground.tangent * ahead - BELOW
-        return Ground(self.ground.tangent, below if ahead > 0.0 and below < 0.0 else 0.0)
+        return under_the_foot(self.ground, ahead, height)
 
     def _impact_in(self) -> int:
         exchange = self.workspace.other.exchange
         first = int(exchange.argmax())
         return round((first + 1) * self._stage_time / self._period) if exchange[first] else -1
+
+
+def _status(figures: plan.Figures) -> Status:
+    """Whether there is an answer, the quadratic model was solved, and its whole step taken."""
+    if not figures.found:
+        return Status.PREDICTION_DIVERGED
+    return Status.OPTIMAL if figures.share == 1.0 and figures.sweeps > 0 else Status.SUBOPTIMAL

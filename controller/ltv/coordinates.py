@@ -4,7 +4,7 @@ With J = H [I; -c_a/c_5] the link angles are phi = J (y + h(theta)) + theta/c_5,
 """
 
 from controller.belief import kernels
-from controller.belief.kernels import GaitTable
+from controller.belief.closed_loop import GaitTable, outputs
 from controller.compiled import Array, compiled
 
 N_Z = 10
@@ -14,7 +14,7 @@ Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z
 @compiled
 def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Array) -> None:
     """Output coordinates of a state (q, dq)."""
-    theta, dtheta = kernels.outputs(gait, q, dq, stage)
+    theta, dtheta = outputs(gait, q, dq, stage)
     for i in range(4):
         z[Y + i] = stage.y[i]
         z[DY + i] = stage.dy[i]
@@ -26,8 +26,8 @@ def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Arr
 def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
     """State (q, dq) of output coordinates."""
     theta, dtheta = z[THETA], z[DTHETA]
-    wished = (theta - gait.theta_start) / gait.theta_span
-    s = min(max(wished, gait.s_first), gait.s_last)
+    s_unclamped = (theta - gait.theta_start) / gait.theta_span
+    s = min(max(s_unclamped, gait.s_first), gait.s_last)
     degree = gait.poly.shape[1] - 1
     q[4] = theta
     dq[4] = dtheta
@@ -37,7 +37,7 @@ def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
         for k in range(degree - 1, -1, -1):
             h1 = h1 * s + h
             h = h * s + gait.poly[i, k]
-        q[i] = z[Y + i] + h + h1 * (wished - s)
+        q[i] = z[Y + i] + h + h1 * (s_unclamped - s)
         dq[i] = z[DY + i] + h1 / gait.theta_span * dtheta
         q[4] -= gait.clock[i] * q[i]
         dq[4] -= gait.clock[i] * dq[i]

@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.belief.friction import ROWS as FORCE_ROWS
+from controller.belief.friction import UNLIMITED, Friction, cone, excess
 from controller.compiled import Array, compiled
 from controller.ltv.horizon import LtvHorizon
 from controller.ltv.orbit import Orbit, nominal_rate
@@ -12,7 +14,7 @@ from controller.records import Vector
 from controller.settings import LtvSettings
 
 N_E = 9  # errors of a stage: outputs, their rates, the clock's rate
-TORQUE_ROWS, FORCE_ROWS = 8, 3  # both bounds of four torques; both sides of the friction cone and the normal force
+TORQUE_ROWS = 8  # both bounds of four torques
 ROWS = TORQUE_ROWS + FORCE_ROWS
 
 
@@ -24,41 +26,34 @@ class Cost(NamedTuple):
         torque: On u_mpc^2 in [1/(N.m)^2].
         torque_penalty: On (torque beyond its limit)^2 in [1/(N.m)^2], in the quadratic model alone: a true motion keeps
             the limits.
-        force_penalty: On (force beyond its limit)^2 in [1/N^2]; 0 leaves the rows out.
         limit: Torque limits in [N.m], (4,).
-        mu: Friction coefficient counted on.
-        normal_min: Least normal force in [N].
+        friction: Contact-force limits; a penalty of 0 leaves their rows out.
     """
 
     error: Array
     torque: float
     torque_penalty: float
-    force_penalty: float
     limit: Array
-    mu: float
-    normal_min: float
+    friction: Friction
 
 
-def off_the_orbit(settings: LtvSettings, limit: Vector, contact: tuple[float, float] | None) -> Cost:
+def off_the_orbit(settings: LtvSettings, limit: Vector, friction: Friction | None) -> Cost:
     """The cost where the clock's rate is far from the nominal orbit's.
 
     Args:
         settings: Weights.
         limit: Torque limits in [N.m], (4,).
-        contact: Friction coefficient and least normal force in [N]; None leaves the contact rows out.
+        friction: Contact-force limits; None leaves their rows out.
     """
     stage = [settings.output] * 4 + [settings.output_rate] * 4 + [settings.clock_rate]
     error = np.tile(stage, (settings.stages, 1))
     error[-1] *= settings.last
-    mu, normal_min = contact or (0.0, 0.0)
     return Cost(
         error=error,
         torque=settings.torque,
         torque_penalty=settings.torque_penalty,
-        force_penalty=settings.force_penalty if contact else 0.0,
         limit=np.array(limit, dtype=float),
-        mu=float(mu),
-        normal_min=float(normal_min),
+        friction=friction or UNLIMITED,
     )
 
 
@@ -70,16 +65,6 @@ def new_problem(N: int) -> LtvProblem:
         rows_z=np.zeros((N, ROWS, 10)), rows_u=np.zeros((N, ROWS, 4)), limits=np.full((N, ROWS), 1e9),
         penalty=e(ROWS), lower=e(4), upper=e(4),
     )  # fmt: skip
-
-
-@compiled
-def excess(cost: Cost, force: Array, row: int) -> float:
-    """How far a contact force (2,) is beyond a limit of it in [N]; negative within."""
-    if row == 0:
-        return force[0] - cost.mu * force[1]
-    if row == 1:
-        return -force[0] - cost.mu * force[1]
-    return cost.normal_min - force[1]
 
 
 @compiled
@@ -95,19 +80,19 @@ def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
         total += cost.error[k, 8] * (z[9] - rate) ** 2
         for i in range(4):
             total += cost.torque * plan[k, i] * plan[k, i]
-        if cost.force_penalty > 0.0:
-            for row in range(FORCE_ROWS):
-                beyond = max(0.0, excess(cost, h.force[k], row))
-                total += cost.force_penalty * beyond * beyond
+        if cost.friction.penalty > 0.0:
+            for beyond in excess(cost.friction, h.force[k]):
+                softening = max(0.0, beyond)
+                total += cost.friction.penalty * softening * softening
     return 0.5 * total
 
 
 @compiled
 def model(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array, p: LtvProblem) -> None:
     """The problem in deviations from a linearised horizon and its plan."""
-    N = plan.shape[0]
+    N, friction = plan.shape[0], cost.friction
     for row in range(ROWS):
-        p.penalty[row] = cost.torque_penalty if row < TORQUE_ROWS else cost.force_penalty
+        p.penalty[row] = cost.torque_penalty if row < TORQUE_ROWS else friction.penalty
     for i in range(4):
         p.R[i] = cost.torque
         p.lower[i] = -cost.limit[i] - h.u[0, i] - plan[0, i]
@@ -132,16 +117,12 @@ def model(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array, p: LtvProblem) -
                 p.rows_u[k, 4 + i, i] = -1.0
                 p.limits[k, i] = cost.limit[i] - h.u[k, i] - plan[k, i]
                 p.limits[k, 4 + i] = cost.limit[i] + h.u[k, i] + plan[k, i]
-        if cost.force_penalty > 0.0:
+        if friction.penalty > 0.0:
             for m in range(10):
-                t, n = h.force_z[k, 0, m], h.force_z[k, 1, m]
-                p.rows_z[k, 8, m] = t - cost.mu * n
-                p.rows_z[k, 9, m] = -t - cost.mu * n
-                p.rows_z[k, 10, m] = -n
+                by_z = cone(friction, h.force_z[k, 0, m], h.force_z[k, 1, m])
+                p.rows_z[k, 8, m], p.rows_z[k, 9, m], p.rows_z[k, 10, m] = by_z
             for m in range(4):
-                t, n = h.force_u[k, 0, m], h.force_u[k, 1, m]
-                p.rows_u[k, 8, m] = t - cost.mu * n
-                p.rows_u[k, 9, m] = -t - cost.mu * n
-                p.rows_u[k, 10, m] = -n
-            for row in range(FORCE_ROWS):
-                p.limits[k, TORQUE_ROWS + row] = -excess(cost, h.force[k], row)
+                by_u = cone(friction, h.force_u[k, 0, m], h.force_u[k, 1, m])
+                p.rows_u[k, 8, m], p.rows_u[k, 9, m], p.rows_u[k, 10, m] = by_u
+            beyond = excess(friction, h.force[k])
+            p.limits[k, 8], p.limits[k, 9], p.limits[k, 10] = -beyond[0], -beyond[1], -beyond[2]

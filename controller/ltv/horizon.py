@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.belief import kernels
-from controller.belief.kernels import Gains, GaitTable, Walker
+from controller.belief.closed_loop import Loop, closed_loop
+from controller.belief.ground import Ground, clearance, lands
 from controller.compiled import Array, compiled
 from controller.ltv.coordinates import N_Z, from_output, to_output
-from controller.ltv.landing import Ground, clearance, land
+from controller.ltv.landing import land
 from controller.ltv.linearisation import derive, new_derivatives
 from controller.ltv.motion import COLUMNS, accelerate, advance, advance_tangent
 
@@ -47,27 +48,40 @@ def new_horizon(N: int) -> LtvHorizon:
     )  # fmt: skip
 
 
-@compiled
-def look_ahead(
-    walker: Walker, gait: GaitTable, gains: Gains, limit: Array, ground: Ground, h: float, substeps: int, q0: Array,
-    dq0: Array, plan: Array, linearise: bool, out: LtvHorizon,
-) -> None:  # fmt: skip
-    """Fill the horizon, and make the plan possible: ZD+PD and plan together stay within the torque limits.
+class Outlook(NamedTuple):
+    """What a motion under a plan begins with and obeys.
 
-    Args:
-        walker: Lumped constants.
-        gait: Outputs.
-        gains: ZD+PD gains.
+    Attributes:
+        loop: Closed loop under ZD+PD.
         limit: Torque limits in [N.m], (4,).
         ground: Where the swing foot lands.
         h: Length of a substep in [s].
         substeps: Of each stage.
-        q0: Measured coordinates in [rad], (5,).
-        dq0: Measured rates in [rad/s], (5,).
+        q: Measured coordinates in [rad], (5,).
+        dq: Measured rates in [rad/s], (5,).
+    """
+
+    loop: Loop
+    limit: Array
+    ground: Ground
+    h: float
+    substeps: int
+    q: Array
+    dq: Array
+
+
+@compiled
+def look_ahead(outlook: Outlook, plan: Array, linearise: bool, out: LtvHorizon) -> None:
+    """Fill the horizon, and make the plan possible: ZD+PD and plan together stay within the torque limits.
+
+    Args:
+        outlook: Where the motion begins and what it obeys.
         plan: MPC torque of each stage in [N.m], (N, 4); clipped so that the total at a stage's beginning is legal.
         linearise: Whether to fill the derivatives too.
         out: Filled.
     """
+    loop, limit, ground, h, substeps, q0, dq0 = outlook
+    walker, gait, gains = loop
     stage = kernels.new_stage()
     d = new_derivatives()
     q, dq = q0.copy(), dq0.copy()
@@ -86,12 +100,12 @@ def look_ahead(
         out.z[k] = z
         out.exchange[k] = False
         for sub in range(substeps):
-            theta, dtheta = kernels.closed_loop(walker, gait, gains, q, dq, stage)
+            theta, dtheta = closed_loop(loop, q, dq, stage)
             for i in range(4):
                 u_mpc[i] = min(max(plan[k, i], -limit[i] - stage.u[i]), limit[i] - stage.u[i])
             if sub == 0:
                 plan[k] = u_mpc
-            accelerate(gait, gains, dtheta, u_mpc, stage, f)
+            accelerate(loop, dtheta, u_mpc, stage, f)
             if sub == 0:
                 out.u[k] = stage.u
                 kernels.stance_force(walker, stage, out.force[k])
@@ -99,7 +113,7 @@ def look_ahead(
                     kernels.responses(stage)
                     kernels.stance_force_per_torque(walker, stage, out.force_u[k])
             if linearise:
-                derive(walker, gait, gains, theta, dtheta, u_mpc, stage, d)
+                derive(loop, theta, dtheta, u_mpc, stage, d)
                 if sub == 0:
                     out.u_z[k] = d.torque
                     out.force_z[k] = d.force
@@ -115,7 +129,7 @@ def look_ahead(
             from_output(gait, z, q, dq)
             kernels.place(q, dq, stage)
             ahead, lower, descent = clearance(walker, ground, stage)
-            if ahead and lower <= 0.0 and descent < 0.0 and not out.exchange[k]:
+            if lands(ahead, lower, descent) and not out.exchange[k]:
                 out.exchange[k] = True
                 share = min(max(height / (height - lower), 0.0), 1.0) if height > 0.0 else 0.0
                 z[:] = kept
@@ -123,11 +137,11 @@ def look_ahead(
                 if linearise:
                     AB[:] = AB_kept
                     advance_tangent(gains, d, share * h, AB)
-                land(walker, gait, gains, ground, u_mpc, z, AB, q, dq, stage, linearise)
-                theta, dtheta = kernels.closed_loop(walker, gait, gains, q, dq, stage)
-                accelerate(gait, gains, dtheta, u_mpc, stage, f)
+                land(loop, ground, u_mpc, z, AB, q, dq, stage, linearise)
+                theta, dtheta = closed_loop(loop, q, dq, stage)
+                accelerate(loop, dtheta, u_mpc, stage, f)
                 if linearise:
-                    derive(walker, gait, gains, theta, dtheta, u_mpc, stage, d)
+                    derive(loop, theta, dtheta, u_mpc, stage, d)
                     advance_tangent(gains, d, (1.0 - share) * h, AB)
                 advance(f, (1.0 - share) * h, z)
                 from_output(gait, z, q, dq)

@@ -1,39 +1,19 @@
-"""The ground believed in, and the impact on it with its saltation matrix.
+"""The impact on the ground believed in, with its saltation matrix.
 
 A predicted impact enters the linearisation by the Jacobian of the impact map with the shift of the impact's time
 (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, ch. 7).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from controller.belief import kernels
-from controller.belief.kernels import Gains, GaitTable, Walker, cholesky5_solve
+from controller.belief.closed_loop import GaitTable, Loop, clock_of, closed_loop, outputs
+from controller.belief.ground import Ground, clearance
+from controller.belief.kernels import Walker
+from controller.belief.linalg import cholesky5_solve
 from controller.compiled import Array, compiled
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, from_output, link_jacobian, to_output
 from controller.ltv.motion import COLUMNS, accelerate
-
-
-class Ground(NamedTuple):
-    """The ground believed in: a line through height `level` at the stance foot.
-
-    Attributes:
-        tangent: Of its slope, uphill positive.
-        level: In [m].
-    """
-
-    tangent: float
-    level: float
-
-
-@compiled
-def clearance(walker: Walker, ground: Ground, stage: kernels.Stage) -> tuple[bool, float, float]:
-    """Whether the swing foot is ahead, its height above the ground in [m] and the rate of that in [m/s]."""
-    ahead, height, rate = kernels.swing_foot(walker, stage)
-    for i in range(5):
-        rate += ground.tangent * walker.reach[i] * stage.cos[i] * stage.dphi[i]
-    return ahead > 0.0, height - ground.tangent * ahead - ground.level, rate
 
 
 @compiled
@@ -63,9 +43,7 @@ def impact_jacobian(
     J = np.empty((5, 4))
     j = np.empty(5)
     link_jacobian(gait, stage, J, j)
-    dtheta = 0.0
-    for i in range(5):
-        dtheta += gait.clock[i] * dq[i]
+    dtheta = clock_of(gait, dq)
     phi_z = np.zeros((5, N_Z))
     dphi_z = np.zeros((5, N_Z))
     for i in range(5):
@@ -115,10 +93,8 @@ def impact_jacobian(
                     v -= sine * stage.dphi[k] * (new_phi_z[k, m] - new_phi_z[i, m])
             x[i] = v
         cholesky5_solve(stage.L, x)
-    kernels.outputs(gait, q, dq, stage)
-    dtheta = 0.0
-    for i in range(5):
-        dtheta += gait.clock[i] * dq[i]
+    outputs(gait, q, dq, stage)
+    dtheta = clock_of(gait, dq)
     dq_m = np.empty(5)
     ddq_m = np.empty(5)
     phi_m = np.empty(5)
@@ -127,11 +103,7 @@ def impact_jacobian(
             phi_m[i] = new_phi_z[i, m]
         kernels.from_links(phi_m, dq_m)
         kernels.from_links(new_dphi_z[m], ddq_m)
-        theta_m = 0.0
-        dtheta_m = 0.0
-        for i in range(5):
-            theta_m += gait.clock[i] * dq_m[i]
-            dtheta_m += gait.clock[i] * ddq_m[i]
+        theta_m, dtheta_m = clock_of(gait, dq_m), clock_of(gait, ddq_m)
         for i in range(4):
             jacobian[Y + i, m] = dq_m[i] - stage.h1[i] * theta_m
             jacobian[DY + i, m] = ddq_m[i] - stage.h1[i] * dtheta_m - stage.h2[i] * dtheta * theta_m
@@ -141,10 +113,11 @@ def impact_jacobian(
 
 @compiled
 def land(
-    walker: Walker, gait: GaitTable, gains: Gains, ground: Ground, u_mpc: Array, z: Array, AB: Array, q: Array,
-    dq: Array, stage: kernels.Stage, linearise: bool,
+    loop: Loop, ground: Ground, u_mpc: Array, z: Array, AB: Array, q: Array, dq: Array, stage: kernels.Stage,
+    linearise: bool,
 ) -> None:  # fmt: skip
     """The impact at z, in place, and its saltation matrix into AB from the left."""
+    walker, gait = loop.walker, loop.gait
     from_output(gait, z, q, dq)
     kernels.place(q, dq, stage)
     if not linearise:
@@ -153,14 +126,14 @@ def land(
         return
     before, after, height_z = np.empty(N_Z), np.empty(N_Z), np.empty(N_Z)
     jacobian = np.empty((N_Z, N_Z))
-    _, dtheta = kernels.closed_loop(walker, gait, gains, q, dq, stage)
-    accelerate(gait, gains, dtheta, u_mpc, stage, before)
+    _, dtheta = closed_loop(loop, q, dq, stage)
+    accelerate(loop, dtheta, u_mpc, stage, before)
     _, _, descent = clearance(walker, ground, stage)
     clearance_gradient(walker, gait, ground, stage, height_z)
     impact_jacobian(walker, gait, q, dq, stage, jacobian)
     to_output(gait, q, dq, stage, z)
-    _, dtheta = kernels.closed_loop(walker, gait, gains, q, dq, stage)
-    accelerate(gait, gains, dtheta, u_mpc, stage, after)
+    _, dtheta = closed_loop(loop, q, dq, stage)
+    accelerate(loop, dtheta, u_mpc, stage, after)
     for i in range(N_Z):
         jump = after[i]
         for m in range(N_Z):

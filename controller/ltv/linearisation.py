@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.belief import kernels
-from controller.belief.kernels import Gains, GaitTable, Walker, cholesky5_solve
+from controller.belief.closed_loop import GaitTable, Loop, clock_of
+from controller.belief.kernels import Walker
+from controller.belief.linalg import cholesky5_solve
 from controller.compiled import Array, compiled
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, times_J
 
@@ -110,18 +112,14 @@ def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array)
 
 
 @compiled
-def derive(
-    walker: Walker, gait: GaitTable, gains: Gains, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage,
-    out: Derivatives,
-) -> None:  # fmt: skip
-    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `kernels.closed_loop`."""
+def derive(loop: Loop, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage, out: Derivatives) -> None:
+    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `closed_loop`."""
+    walker, gait, gains = loop
     P, R, D, by_z = out.P, out.R, out.D, out.by_z
     h3, Jh1, Jh2, Jacc = np.empty(4), np.empty(5), np.empty(5), np.empty(5)
     PJ, RJ, DJ, Dj = np.empty(4), np.empty(4), np.empty(4), np.empty(7)
     third_derivative(gait, theta, h3)
-    ddtheta = 0.0
-    for i in range(5):
-        ddtheta += gait.clock[i] * stage.ddq[i]
+    ddtheta = clock_of(gait, stage.ddq)
     inverse = 1.0 / gait.clock[4]
     torso1, torso2, torso3 = inverse, 0.0, 0.0
     rate, acceleration = np.empty(4), np.empty(4)
@@ -177,9 +175,7 @@ def derive(
     kernels.responses(stage)
     kernels.stance_force_per_torque(walker, stage, out.force_u)
     for k in range(4):
-        clock = 0.0
-        for i in range(5):
-            clock += gait.clock[i] * stage.BtDinv[k, i]
+        clock = clock_of(gait, stage.BtDinv[k])
         out.clock_u[k] = clock
         for i in range(4):
             out.output_u[i, k] = stage.BtDinv[k, i] - stage.h1[i] * clock
@@ -247,9 +243,7 @@ def add_held_torque(
         out.force[0, m] += tangential
         out.force[1, m] += normal
         kernels.from_links(x[column], ddq)
-        clock = 0.0
-        for i in range(5):
-            clock += gait.clock[i] * ddq[i]
+        clock = clock_of(gait, ddq)
         out.clock[m] += clock
         for i in range(4):
             out.output_z[i, column] = ddq[i] - stage.h1[i] * clock

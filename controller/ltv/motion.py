@@ -3,7 +3,8 @@
 import numpy as np
 
 from controller.belief import kernels
-from controller.belief.kernels import Gains, GaitTable
+from controller.belief.closed_loop import Gains, Loop, clock_of
+from controller.belief.linalg import cholesky5_solve
 from controller.compiled import Array, compiled
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y
 from controller.ltv.linearisation import Derivatives
@@ -12,8 +13,9 @@ COLUMNS = N_Z + 4  # derivatives by z and by a torque held over the stage
 
 
 @compiled
-def accelerate(gait: GaitTable, gains: Gains, dtheta: float, u_mpc: Array, stage: kernels.Stage, f: Array) -> None:
-    """dz/dt of the closed loop under a held u_mpc, (10,), after `kernels.closed_loop`; factorises the inertia."""
+def accelerate(loop: Loop, dtheta: float, u_mpc: Array, stage: kernels.Stage, f: Array) -> None:
+    """dz/dt of the closed loop under a held u_mpc, (10,), after `closed_loop`; factorises the inertia."""
+    gait, gains = loop.gait, loop.gains
     kernels.factor_inertia(stage)
     x, ddq = np.empty(5), np.empty(5)
     x[0] = u_mpc[0] - u_mpc[2]
@@ -21,12 +23,9 @@ def accelerate(gait: GaitTable, gains: Gains, dtheta: float, u_mpc: Array, stage
     x[2] = u_mpc[2]
     x[3] = u_mpc[3]
     x[4] = -u_mpc[0] - u_mpc[1]
-    kernels.cholesky5_solve(stage.L, x)
+    cholesky5_solve(stage.L, x)
     kernels.from_links(x, ddq)
-    by_zd, by_mpc = 0.0, 0.0
-    for i in range(5):
-        by_zd += gait.clock[i] * stage.ddq[i]
-        by_mpc += gait.clock[i] * ddq[i]
+    by_zd, by_mpc = clock_of(gait, stage.ddq), clock_of(gait, ddq)
     for i in range(4):
         f[Y + i] = stage.dy[i]
         f[DY + i] = -gains.kp[i] * stage.y[i] - gains.kd[i] * stage.dy[i] + ddq[i] - stage.h1[i] * by_mpc

@@ -5,7 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel, kernels
+from controller.belief import Gains, Gait, Loop, WalkerModel, kernels
+from controller.belief.closed_loop import closed_loop
+from controller.belief.ground import lands
 from controller.compiled import Array, compiled
 
 STEPS = 60  # to settle on the periodic orbit
@@ -50,19 +52,17 @@ def find_orbit(model: WalkerModel, gait: Gait) -> Orbit:
         model: The walker believed in.
         gait: A gait that is stable on its zero dynamics.
     """
-    gains = kernels.Gains(kp=np.full(4, 400.0), kd=np.full(4, 40.0))
+    gains = Gains(kp=np.full(4, 400.0), kd=np.full(4, 40.0))
     q, dq = gait.post_impact(model)
     for _ in range(STEPS):
-        q, dq, samples = _step(model.lumped, gait.table, gains, q, dq)
+        q, dq, samples = _step(Loop(model.lumped, gait.table, gains), q, dq)
     s = (samples[:, 0] - gait.table.theta_start) / gait.table.theta_span
     poly = np.polynomial.polynomial.polyfit(s, samples[:, 1], DEGREE)
     return Orbit(poly=poly.astype(np.float64), theta_start=gait.table.theta_start, theta_span=gait.table.theta_span)
 
 
 @compiled
-def _step(
-    walker: kernels.Walker, gait: kernels.GaitTable, gains: kernels.Gains, q: Array, dq: Array
-) -> tuple[Array, Array, Array]:
+def _step(loop: Loop, q: Array, dq: Array) -> tuple[Array, Array, Array]:
     """One step from after impact to after the next; the last part of the result is (theta, dtheta) along it."""
     stage = kernels.new_stage()
     limit = 20000
@@ -70,11 +70,11 @@ def _step(
     q, dq = q.copy(), dq.copy()
     for k in range(limit):
         kernels.place(q, dq, stage)
-        ahead, height, rate = kernels.swing_foot(walker, stage)
-        if k > 0 and ahead > 0.0 and height <= 0.0 and rate < 0.0:
-            kernels.impact(walker, q, dq, stage)
+        ahead, height, rate = kernels.swing_foot(loop.walker, stage)
+        if k > 0 and lands(ahead, height, rate):
+            kernels.impact(loop.walker, q, dq, stage)
             return q, dq, samples[:k]
-        samples[k] = kernels.closed_loop(walker, gait, gains, q, dq, stage)
+        samples[k] = closed_loop(loop, q, dq, stage)
         for i in range(5):
             q[i] += DT * dq[i] + 0.5 * DT * DT * stage.ddq[i]
             dq[i] += DT * stage.ddq[i]

@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.belief.kernels import Gains, GaitTable, Walker
+from controller.belief.friction import excess
 from controller.compiled import Array, compiled
-from controller.ltv.cost import FORCE_ROWS, ROWS, Cost, excess, model, new_problem, objective
-from controller.ltv.horizon import LtvHorizon, look_ahead, new_horizon
-from controller.ltv.landing import Ground
+from controller.ltv.cost import ROWS, Cost, model, new_problem, objective
+from controller.ltv.horizon import LtvHorizon, Outlook, look_ahead, new_horizon
 from controller.ltv.orbit import Orbit
 from controller.ltv.problem import LtvProblem, LtvState, new_state
 from controller.ltv.sweep import solve
@@ -34,8 +33,6 @@ class Workspace(NamedTuple):
         other: Horizon under the candidate.
         problem: Quadratic model about the nominal.
         state: Guess and answer of the sweeps.
-        figures: Cost of the nominal, cost of the answer, share of the step taken, sweeps, and how far the contact force
-            expected now is beyond its limits in [N], (5,).
     """
 
     plan: Array
@@ -44,14 +41,32 @@ class Workspace(NamedTuple):
     other: LtvHorizon
     problem: LtvProblem
     state: LtvState
-    figures: Array
+
+
+class Figures(NamedTuple):
+    """What came of one iteration.
+
+    Attributes:
+        found: Whether a finite motion was found; look here first.
+        before: Cost of the nominal.
+        after: Cost of the answer.
+        share: Of the Newton step that was taken, 0 to 1.
+        sweeps: Taken; negative if the last guess was not confirmed.
+        excess: How far the contact force expected now is beyond its limits in [N].
+    """
+
+    found: bool
+    before: float
+    after: float
+    share: float
+    sweeps: int
+    excess: float
 
 
 def new_workspace(N: int) -> Workspace:
     """Room for N stages, without a plan."""
     return Workspace(
-        np.zeros((N, 4)), np.zeros((N, 4)), new_horizon(N), new_horizon(N), new_problem(N), new_state(N, ROWS),
-        np.zeros(5),
+        np.zeros((N, 4)), np.zeros((N, 4)), new_horizon(N), new_horizon(N), new_problem(N), new_state(N, ROWS)
     )  # fmt: skip
 
 
@@ -80,63 +95,49 @@ def drop_to_exchange(plan: Array, exchange: NDArray[np.bool_]) -> None:
 
 @compiled
 def improve(
-    walker: Walker, gait: GaitTable, gains: Gains, cost: Cost, orbit: Orbit, ground: Ground, h: float, substeps: int,
-    q: Array, dq: Array, exchanged: bool, share_of_stage: float, w: Workspace,
-) -> bool:  # fmt: skip
-    """One iteration on w.plan, which is a tick old; returns whether a finite motion was found.
+    outlook: Outlook, cost: Cost, orbit: Orbit, share_of_stage: float, exchanged: bool, doubtful: bool, w: Workspace
+) -> Figures:
+    """One iteration on w.plan, which is a tick old.
 
     Args:
-        walker: Lumped constants.
-        gait: Outputs.
-        gains: ZD+PD gains.
+        outlook: Measured state, closed loop and ground.
         cost: What to minimise.
         orbit: The clock's nominal rate.
-        ground: Where the swing foot lands.
-        h: Length of a substep in [s].
-        substeps: Of each stage.
-        q: Measured coordinates in [rad], (5,).
-        dq: Measured rates in [rad/s], (5,).
-        exchanged: Whether the legs have been exchanged since the last tick.
         share_of_stage: A tick's share of a stage.
+        exchanged: Whether the legs have been exchanged since the last tick.
+        doubtful: Whether the plan must beat having none: the last step was cut.
         w: Plan, and room.
     """
     N = w.plan.shape[0]
     shift(w.plan, share_of_stage)
     if exchanged:
         drop_to_exchange(w.plan, w.other.exchange)
-    if exchanged or w.figures[2] < 1.0:  # is the old plan any good?
+    if exchanged or doubtful:
         w.candidate[:] = 0.0
-        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.candidate, False, w.other)
+        look_ahead(outlook, w.candidate, False, w.other)
         without = objective(cost, orbit, w.other, w.candidate)
-        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, False, w.other)
+        look_ahead(outlook, w.plan, False, w.other)
         if not objective(cost, orbit, w.other, w.plan) <= without:
             w.plan[:] = w.candidate
-    look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, True, w.nominal)
-    best = objective(cost, orbit, w.nominal, w.plan)
-    w.figures[0] = best
-    if not np.isfinite(best):
-        w.figures[2] = 0.0
-        return False
+    look_ahead(outlook, w.plan, True, w.nominal)
+    before = objective(cost, orbit, w.nominal, w.plan)
+    if not np.isfinite(before):
+        return Figures(False, before, before, 0.0, 0, 0.0)
     model(cost, orbit, w.nominal, w.plan, w.problem)
-    w.figures[3] = solve(w.problem, w.state, SWEEPS)
-    share = 1.0
+    sweeps = solve(w.problem, w.state, SWEEPS)
+    after, share = before, 1.0
     for _ in range(HALVINGS + 1):
         for k in range(N):
             for i in range(4):
                 w.candidate[k, i] = w.plan[k, i] + share * w.state.u[k, i]
-        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.candidate, False, w.other)
-        now = objective(cost, orbit, w.other, w.candidate)
-        if now < best:
-            best = now
+        look_ahead(outlook, w.candidate, False, w.other)
+        after = objective(cost, orbit, w.other, w.candidate)
+        if after < before:
             w.plan[:] = w.candidate
             break
         share *= 0.5
     else:
-        share = 0.0
-        look_ahead(walker, gait, gains, cost.limit, ground, h, substeps, q, dq, w.plan, False, w.other)
-    w.figures[1], w.figures[2] = best, share
-    w.figures[4] = 0.0
-    if cost.force_penalty > 0.0:
-        for row in range(FORCE_ROWS):
-            w.figures[4] = max(w.figures[4], excess(cost, w.other.force[0], row))
-    return True
+        after, share = before, 0.0
+        look_ahead(outlook, w.plan, False, w.other)
+    beyond = max(0.0, max(excess(cost.friction, w.other.force[0]))) if cost.friction.penalty > 0.0 else 0.0
+    return Figures(True, before, after, share, sweeps, beyond)

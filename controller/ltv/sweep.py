@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from controller.belief.kernels import cholesky4, cholesky4_solve
+from controller.belief.linalg import cholesky4, cholesky4_solve
 from controller.compiled import compiled
 from controller.ltv.coordinates import DTHETA, N_Z, THETA
 from controller.ltv.problem import AT_LOWER, AT_UPPER, FREE, LtvProblem, LtvState

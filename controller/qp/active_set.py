@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.compiled import Array, compiled
+from controller.qp.problem import StageQP
 from controller.qp.riccati import (
     AT_LOWER,
     AT_UPPER,
     FREE,
     Factors,
-    Problem,
     newton_step,
     smooth_gradient,
 )
@@ -49,11 +49,11 @@ def shift(guess: Guess) -> None:
 
 
 @compiled
-def iterate(p: Problem, guess: Guess, u: Array, w: Array, gradient: Array, factors: Factors, limit: int) -> int:
+def iterate(p: StageQP, guess: Guess, u: Array, w: Array, gradient: Array, factors: Factors, limit: int) -> int:
     """Sweep until a guess is confirmed.
 
     Args:
-        p: Problem.
+        p: StageQP.
         guess: What is active; corrected.
         u: Filled with the torques, (N, 4).
         w: Filled with the rates, (N, 4).
@@ -89,7 +89,7 @@ def iterate(p: Problem, guess: Guess, u: Array, w: Array, gradient: Array, facto
 
 
 @compiled
-def correct(p: Problem, guess: Guess, u: Array, gradient: Array) -> int:
+def correct(p: StageQP, guess: Guess, u: Array, gradient: Array) -> int:
     """Complete the gradient by the rows' share, correct the guess, and say in how many places."""
     N, r = guess.exceeded.shape
     changes = 0

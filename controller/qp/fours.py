@@ -52,13 +52,13 @@ def store_matrix(X: Matrix4, A, k) -> None:  # type: ignore[no-untyped-def]
 
 @inlined
 def plus(x: Vector4, y: Vector4) -> Vector4:
-    """X + y."""
+    """x + y."""
     return (x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3])
 
 
 @inlined
 def minus(x: Vector4, y: Vector4) -> Vector4:
-    """X - y."""
+    """x - y."""
     return (x[0] - y[0], x[1] - y[1], x[2] - y[2], x[3] - y[3])
 
 
@@ -106,7 +106,7 @@ def total(x: Vector4) -> float:
 
 @inlined
 def dot(x: Vector4, y: Vector4) -> float:
-    """X' y."""
+    """x' y."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3]
 
 
@@ -117,8 +117,8 @@ def times(M: Matrix4, x: Vector4) -> Vector4:
 
 
 @inlined
-def combined(x: Vector4, M: Matrix4) -> Vector4:
-    """M' x: the rows of M, weighted."""
+def transpose_times(x: Vector4, M: Matrix4) -> Vector4:
+    """M' x."""
     return (
         x[0] * M[0][0] + x[1] * M[1][0] + x[2] * M[2][0] + x[3] * M[3][0],
         x[0] * M[0][1] + x[1] * M[1][1] + x[2] * M[2][1] + x[3] * M[3][1],
@@ -141,7 +141,7 @@ def transposed(M: Matrix4) -> Matrix4:
 @inlined
 def product(A: Matrix4, B: Matrix4) -> Matrix4:
     """A B."""
-    return (combined(A[0], B), combined(A[1], B), combined(A[2], B), combined(A[3], B))
+    return (transpose_times(A[0], B), transpose_times(A[1], B), transpose_times(A[2], B), transpose_times(A[3], B))
 
 
 @inlined
@@ -152,8 +152,8 @@ def symmetric_product(A: Matrix4, B: Matrix4) -> Matrix4:
 
 
 @inlined
-def less(x: Vector4, s: float, y: Vector4) -> Vector4:
-    """X - s y."""
+def minus_scaled(x: Vector4, s: float, y: Vector4) -> Vector4:
+    """x - s y."""
     return (x[0] - s * y[0], x[1] - s * y[1], x[2] - s * y[2], x[3] - s * y[3])
 
 
@@ -236,6 +236,6 @@ def solve_upper(L, x: Vector4) -> Vector4:  # type: ignore[no-untyped-def]
 @inlined
 def solve_lower_rows(L, A: Matrix4) -> Matrix4:  # type: ignore[no-untyped-def]
     """L^-1 A, L as from `ldl`."""
-    y1 = less(A[1], L[0], A[0])
-    y2 = less(less(A[2], L[1], A[0]), L[3], y1)
-    return (A[0], y1, y2, less(less(less(A[3], L[2], A[0]), L[4], y1), L[5], y2))
+    y1 = minus_scaled(A[1], L[0], A[0])
+    y2 = minus_scaled(minus_scaled(A[2], L[1], A[0]), L[3], y1)
+    return (A[0], y1, y2, minus_scaled(minus_scaled(minus_scaled(A[3], L[2], A[0]), L[4], y1), L[5], y2))

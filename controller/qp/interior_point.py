@@ -17,9 +17,9 @@ from controller.qp.fours import (
     dot,
     larger,
     largest,
-    less,
     magnitude,
     minus,
+    minus_scaled,
     negative,
     plus,
     reciprocal,
@@ -29,12 +29,12 @@ from controller.qp.fours import (
     total,
     vector,
 )
+from controller.qp.problem import StageQP
 from controller.qp.riccati import (
     AT_LOWER,
     AT_UPPER,
     FREE,
     Factors,
-    Problem,
     newton_step,
     rates,
     smooth_gradient,
@@ -95,12 +95,12 @@ def new_point(N: int, r: int) -> Point:
 
 @compiled
 def minimise(
-    p: Problem, x: Point, scale: float, w: Array, gradient: Array, factors: Factors, tolerance: float, limit: int
+    p: StageQP, x: Point, scale: float, w: Array, gradient: Array, factors: Factors, tolerance: float, limit: int
 ) -> int:
     """Minimise from a point inside all bounds: that of `start`, or where an earlier call with less tolerance ended.
 
     Args:
-        p: Problem.
+        p: StageQP.
         x: The point; overwritten by the answer.
         scale: From `start`.
         w: Filled with the rates, (N, 4).
@@ -150,25 +150,25 @@ def second_order(d: Point, second: Point) -> None:
 
 @compiled
 def advance(x: Point, alpha: float, d: Point) -> None:
-    """X + alpha d, in place."""
+    """x + alpha d, in place."""
     N, r = x.force.shape
     at_u, low, high, force, slack = x
     d_u, d_low, d_high, d_force, d_slack = d
     for k in range(N):
-        store(less(vector(at_u, k), -alpha, vector(d_u, k)), at_u, k)
-        store(less(vector(low, k), -alpha, vector(d_low, k)), low, k)
-        store(less(vector(high, k), -alpha, vector(d_high, k)), high, k)
+        store(minus_scaled(vector(at_u, k), -alpha, vector(d_u, k)), at_u, k)
+        store(minus_scaled(vector(low, k), -alpha, vector(d_low, k)), low, k)
+        store(minus_scaled(vector(high, k), -alpha, vector(d_high, k)), high, k)
         for q in range(r):
             force[k, q] += alpha * d_force[k, q]
             slack[k, q] += alpha * d_slack[k, q]
 
 
 @compiled
-def start(p: Problem, x: Point, warm: bool, w: Array, gradient: Array) -> float:
+def start(p: StageQP, x: Point, warm: bool, w: Array, gradient: Array) -> float:
     """Point to begin with, strictly inside all bounds.
 
     Args:
-        p: Problem.
+        p: StageQP.
         x: The point of the tick before if `warm`; overwritten.
         warm: Whether to begin near that, or at the centre of the torque box.
         w: Filled with the rates, (N, 4).
@@ -203,7 +203,7 @@ def start(p: Problem, x: Point, warm: bool, w: Array, gradient: Array) -> float:
 
 
 @compiled
-def identify(p: Problem, x: Point, guess: Guess) -> None:
+def identify(p: StageQP, x: Point, guess: Guess) -> None:
     """What is active at a point near the optimum: where the multiplier outweighs the distance."""
     N, r = p.limits.shape
     for k in range(N):
@@ -218,7 +218,7 @@ def identify(p: Problem, x: Point, guess: Guess) -> None:
 
 
 @compiled
-def linearise(p: Problem, x: Point, w: Array, gradient: Array, newton: Newton) -> tuple[float, float, float]:
+def linearise(p: StageQP, x: Point, w: Array, gradient: Array, newton: Newton) -> tuple[float, float, float]:
     """Newton system at x; returns mean complementarity product, stationarity and feasibility residual."""
     N, r = p.limits.shape
     rows, limits, weight, linear, softness = p.rows, p.limits, p.weight, p.linear, 1.0 / p.penalty
@@ -240,7 +240,7 @@ def linearise(p: Problem, x: Point, w: Array, gradient: Array, newton: Newton) -
             Omega[k, q] = lam * per_row[k, q]
             feasibility = max(feasibility, abs(off))
             mu += lam * t
-            g = less(g, -lam, e)
+            g = minus_scaled(g, -lam, e)
         below, above = minus(u, vector(at_lower, k)), minus(vector(at_upper, k), u)
         products = plus(products, plus(scaled(lam_low, below), scaled(lam_high, above)))
         to_below, to_above = reciprocal(below), reciprocal(above)
@@ -255,7 +255,7 @@ def linearise(p: Problem, x: Point, w: Array, gradient: Array, newton: Newton) -
 
 @compiled
 def direction(
-    p: Problem, x: Point, newton: Newton, mu: float, second: Point, free: NDArray[np.int8], fresh: bool, d: Point
+    p: StageQP, x: Point, newton: Newton, mu: float, second: Point, free: NDArray[np.int8], fresh: bool, d: Point
 ) -> None:
     """Newton direction towards complementarity products mu, less the second-order terms; factorises if fresh."""
     N, r = p.limits.shape
@@ -277,7 +277,7 @@ def direction(
             lam = force[k, q]
             change = (mu - second_force[k, q] - lam * (slack[k, q] + residual[k, q])) * per_row[k, q]
             d_force[k, q] = change
-            g = less(g, -(lam + change), row(rows, k, q))
+            g = minus_scaled(g, -(lam + change), row(rows, k, q))
         store(g, b, k)
     if fresh:
         newton_step(p, free, at_u, newton.R, Omega, newton.a, b, newton.factors, d_u, dw)
@@ -315,7 +315,7 @@ def longest(x: Point, newton: Newton, d: Point) -> float:
 
 
 @compiled
-def complementarity(p: Problem, x: Point, d: Point, alpha: float) -> float:
+def complementarity(p: StageQP, x: Point, d: Point, alpha: float) -> float:
     """Mean complementarity product after a step."""
     N, r = p.limits.shape
     at_u, low, high, force, slack = x
@@ -323,9 +323,9 @@ def complementarity(p: Problem, x: Point, d: Point, alpha: float) -> float:
     at_lower, at_upper = p.lower, p.upper
     products, mu = (0.0, 0.0, 0.0, 0.0), 0.0
     for k in range(N):
-        u = less(vector(at_u, k), -alpha, vector(d_u, k))
-        lam_low = less(vector(low, k), -alpha, vector(d_low, k))
-        lam_high = less(vector(high, k), -alpha, vector(d_high, k))
+        u = minus_scaled(vector(at_u, k), -alpha, vector(d_u, k))
+        lam_low = minus_scaled(vector(low, k), -alpha, vector(d_low, k))
+        lam_high = minus_scaled(vector(high, k), -alpha, vector(d_high, k))
         below, above = minus(u, vector(at_lower, k)), minus(vector(at_upper, k), u)
         products = plus(products, plus(scaled(lam_low, below), scaled(lam_high, above)))
         for q in range(r):

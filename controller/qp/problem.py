@@ -13,23 +13,22 @@ so the problem always has exactly one solution; the torque box is hard.
 import time
 import warnings
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 
+from controller.compiled import Array
 from controller.records import Status, Vector
 
-ROWS = 3  # contact-force rows a stage: both sides of the friction cone, normal force
 _TORQUE_SCALE = 50.0  # [N.m] unit of u in the sparse form
 _RATE_SCALE = 1.0  # [rad/s] unit of w
 _FORCE_SCALE = 100.0  # [N] unit of the softening
 _COST_SCALE = 1e4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StageQP:
+class StageQP(NamedTuple):
     """One problem of Eq. (22); joints in stance order of each stage.
 
     Attributes:
@@ -38,19 +37,19 @@ class StageQP:
         linear: l_k on w_{k+1}, (N, 4).
         R: Diagonal input weight, (4,).
         lower, upper: Torque box in [N.m], (N, 4).
-        rows: E_k in [1/m], (N, r, 4) with r = `ROWS`, or 0 for a problem without contact-force rows.
+        rows: E_k in [1/m], (N, r, 4); r = 0 is a problem without them.
         limits: d_k in [N], (N, r).
         penalty: rho in [1/N^2].
     """
 
-    rate: Vector
-    weight: Vector
-    linear: Vector
-    R: Vector
-    lower: Vector
-    upper: Vector
-    rows: Vector
-    limits: Vector
+    rate: Array
+    weight: Array
+    linear: Array
+    R: Array
+    lower: Array
+    upper: Array
+    rows: Array
+    limits: Array
     penalty: float
 
     @property
@@ -143,11 +142,13 @@ class SparseSolver:
         self.name = name
         self._N = N
         self._options = options
-        self._patterns = {r: SparsePattern(N, r) for r in (0, ROWS)}
+        self._pattern = SparsePattern(N, 0)
 
     def sparse_form(self, problem: StageQP) -> qpsolvers.Problem:
         """The scaled problem in the form qpsolvers takes."""
-        at = self._patterns[problem.rows.shape[1]]
+        if self._pattern.r != problem.rows.shape[1]:
+            self._pattern = SparsePattern(self._N, problem.rows.shape[1])
+        at = self._pattern
         P = np.concatenate(
             [
                 np.tile(problem.R * _TORQUE_SCALE**2, at.N),

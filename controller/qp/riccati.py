@@ -19,7 +19,6 @@ from controller.compiled import Array, compiled
 from controller.qp.fours import (
     Matrix4,
     Vector4,
-    combined,
     dot,
     inlined,
     ldl,
@@ -40,25 +39,13 @@ from controller.qp.fours import (
     store_matrix,
     symmetric_product,
     times,
+    transpose_times,
     transposed,
     vector,
 )
+from controller.qp.problem import StageQP
 
 FREE, AT_LOWER, AT_UPPER = 0, -1, 1
-
-
-class Problem(NamedTuple):
-    """The numbers of a `qp.StageQP` as the compiled code takes them; shapes as there."""
-
-    rate: Array
-    weight: Array
-    linear: Array
-    R: Array
-    lower: Array
-    upper: Array
-    rows: Array
-    limits: Array
-    penalty: float
 
 
 class Factors(NamedTuple):
@@ -85,7 +72,7 @@ def new_factors(N: int) -> Factors:
 
 @compiled
 def newton_step(
-    p: Problem,
+    p: StageQP,
     fixed: NDArray[np.int8],
     given: Array,
     R: Array,
@@ -99,7 +86,7 @@ def newton_step(
     """Factorise the Newton matrix and step.
 
     Args:
-        p: Problem.
+        p: StageQP.
         fixed: Nonzero where the step of a torque is given, (N, 4).
         given: Step of the fixed torques, (N, 4); ignored where they are free.
         R: Diagonal weight on the torques, (N, 4).
@@ -145,7 +132,7 @@ def newton_step(
 
 @compiled
 def step(
-    p: Problem,
+    p: StageQP,
     fixed: NDArray[np.int8],
     given: Array,
     Omega: Array,
@@ -207,14 +194,14 @@ def _backward(rows, k, c, M, A, Z, L, d, free, given, Omega, a, b):  # type: ign
     if _any_fixed(free):  # the given steps act on the cost-to-go and on the rows
         g0 = vector(given, k)
         u = minus(g0, scaled(free, g0))
-        c = plus(c, combined(u, A))
+        c = plus(c, transpose_times(u, A))
         for q in range(Omega.shape[1]):
             e = row(rows, k, q)
             force = Omega[k, q] * dot(e, u)
             g = plus(g, (force * e[0], force * e[1], force * e[2], force * e[3]))
-    g = plus(g, combined(c, M))
+    g = plus(g, transpose_times(c, M))
     s = solve_lower(L, scaled(free, (-g[0], -g[1], -g[2], -g[3])))
-    return plus(c, combined(s, Z)), plus(scaled(d, s), u)
+    return plus(c, transpose_times(s, Z)), plus(scaled(d, s), u)
 
 
 @inlined
@@ -230,7 +217,7 @@ def _forward(rate: Array, kept_L: Array, kept_Z: Array, du: Array, dw: Array) ->
 
 
 @compiled
-def rates(p: Problem, u: Array, w: Array) -> None:
+def rates(p: StageQP, u: Array, w: Array) -> None:
     """w_{k+1} = w_k + M_k u_k, filled into w (N, 4), whose row k holds w_{k+1}."""
     running = np.zeros(4)
     for k in range(u.shape[0]):
@@ -241,7 +228,7 @@ def rates(p: Problem, u: Array, w: Array) -> None:
 
 
 @compiled
-def smooth_gradient(p: Problem, u: Array, w: Array, gradient: Array) -> None:
+def smooth_gradient(p: StageQP, u: Array, w: Array, gradient: Array) -> None:
     """Gradient in u of the quadratic part of the objective (errors and inputs), filled into (N, 4)."""
     costate = np.zeros(4)
     for k in range(u.shape[0] - 1, -1, -1):

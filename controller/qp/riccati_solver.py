@@ -16,7 +16,7 @@ from controller.qp import active_set, interior_point
 from controller.qp.active_set import Guess
 from controller.qp.interior_point import Point
 from controller.qp.problem import Solution, Solver, StageQP, failed
-from controller.qp.riccati import Factors, Problem, new_factors, rates, smooth_gradient
+from controller.qp.riccati import Factors, new_factors, rates, smooth_gradient
 from controller.records import Status
 
 EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 8, 1, 4  # most sweeps: as a rule, after a hard tick, after interior point
@@ -48,7 +48,7 @@ class RiccatiSolver:
 
         Args:
             N: Stages.
-            r: Contact-force rows a stage, `ROWS` or 0.
+            r: Contact-force rows a stage.
             fallbacks: Tried in order where this one fails.
         """
         self._N, self._r = N, r
@@ -66,12 +66,8 @@ class RiccatiSolver:
     def solve(self, problem: StageQP) -> Solution:
         """Solve one tick's problem, starting from the answer to the last one."""
         started = time.perf_counter()
-        p = Problem(
-            problem.rate, problem.weight, problem.linear, problem.R, problem.lower, problem.upper,
-            problem.rows, problem.limits, problem.penalty,
-        )  # fmt: skip
         state = self._state
-        iterations, self._hard, checks = advance(p, state, self._hard)
+        iterations, self._hard, checks = advance(problem, state, self._hard)
         stationarity, feasibility, complementarity, slack, active = checks
         if not (stationarity <= STATIONARY and feasibility <= AT_BOUND):  # NaN counts as failed
             return self._next_in_line(problem, started)
@@ -97,14 +93,14 @@ class RiccatiSolver:
 
 
 @compiled
-def residuals(p: Problem, u: Array, gradient: Array) -> Residuals:
+def residuals(p: StageQP, u: Array, gradient: Array) -> Residuals:
     """How far u is from optimal.
 
     Stationarity and complementarity are divided by R: as the objective is at least as curved as R, they bound the
     distance to the optimum in [N.m].
 
     Args:
-        p: Problem.
+        p: StageQP.
         u: Torques in [N.m], (N, 4).
         gradient: Of the whole objective there, (N, 4).
 
@@ -137,11 +133,11 @@ def residuals(p: Problem, u: Array, gradient: Array) -> Residuals:
 
 
 @compiled
-def advance(p: Problem, s: State, hard: bool) -> tuple[int, bool, Residuals]:
+def advance(p: StageQP, s: State, hard: bool) -> tuple[int, bool, Residuals]:
     """Answer one tick's problem into `s.u`.
 
     Args:
-        p: Problem.
+        p: StageQP.
         s: State from the last tick.
         hard: Whether the last tick needed the interior-point method.
 

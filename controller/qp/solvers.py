@@ -22,7 +22,7 @@ def make_solver(name: str, N: int, r: int) -> Solver:
     Args:
         name: One of `available()`.
         N: Stages of the problems to come.
-        r: Contact-force rows a stage, `qp.ROWS` or 0.
+        r: Contact-force rows a stage.
 
     Raises:
         UserError: unknown or not installed solver.

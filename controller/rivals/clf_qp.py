@@ -32,7 +32,7 @@ import numpy as np
 import qpsolvers
 from scipy.linalg import solve_continuous_are
 
-from controller.cmpc.cascade import Friction
+from controller.belief.friction import Friction, matrix
 from controller.records import Status, Vector
 from controller.rivals import dense_qp
 from controller.rivals.law import Decision
@@ -115,8 +115,7 @@ class ClfQp:
             (-per_mu, self.limit + u_star),
         ]
         if self.friction is not None:
-            cone = np.array([[1.0, -self.friction.mu], [-1.0, -self.friction.mu], [0.0, -1.0]])
-            bound = np.array([0.0, 0.0, -self.friction.normal_min])
+            cone, bound = matrix(self.friction)
             force = dynamics.force + dynamics.force_per_torque @ u_star
             rows.append((cone @ dynamics.force_per_torque @ per_mu, bound - cone @ force))
         on_mu, h = (np.concatenate(part) for part in zip(*rows, strict=True))

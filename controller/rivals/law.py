@@ -9,8 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from controller.belief import Gait, StanceEstimator, WalkerModel
-from controller.belief.kernels import Gains
+from controller.belief import Gains, Gait, Law, WalkerModel
 from controller.records import ControlStep, Observation, Plan, Status, Vector
 from controller.rivals.dense_qp import Answer, no_answer
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics
@@ -37,17 +36,17 @@ DIVERGED = Decision(v=np.zeros(4), answer=no_answer(0, Status.PREDICTION_DIVERGE
 """Where the state is so far out that the output dynamics overflow."""
 
 
-class Law(Protocol):
+class OutputLaw(Protocol):
     """Chooses the output acceleration."""
 
     def decide(self, dynamics: OutputDynamics) -> Decision:
         """One tick; it keeps nothing for the next."""
 
 
-class OutputController:
+class OutputController(Law):
     """A law on the linearised outputs as a controller."""
 
-    def __init__(self, model: WalkerModel, gait: Gait, gains: Gains, law: Law) -> None:
+    def __init__(self, model: WalkerModel, gait: Gait, gains: Gains, law: OutputLaw) -> None:
         """Put the parts together.
 
         Args:
@@ -56,43 +55,33 @@ class OutputController:
             gains: Of the ZD+PD law to fall back to.
             law: Chooses v.
         """
-        self.model, self.gait, self.gains, self.law = model, gait, gains, law
-        self.stance = StanceEstimator(model)
-
-    def reset(self, stance: str) -> None:
-        """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
-        self.stance.reset(stance)
-
-    def follow(self, gait: Gait, rate_change: Vector) -> None:
-        """Follow another gait from now on; its nominal clock rate does not matter here."""
-        self.gait = gait
+        super().__init__(model, gait, gains)
+        self.law = law
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick."""
         state = self.stance.update(observation)
-        dynamics = output_dynamics(self.model, self.gait, state.q, state.dq)
+        dynamics = output_dynamics(self.loop.walker, self.loop.gait, state.q, state.dq)
         decision = self.law.decide(dynamics) if dynamics.is_finite else DIVERGED
         answer = decision.answer
-        zd_pd = -self.gains.kd * dynamics.dy - self.gains.kp * dynamics.y  # Eq. (9), the one fall-back policy
+        zd_pd = -self.loop.gains.kd * dynamics.dy - self.loop.gains.kp * dynamics.y  # Eq. (9), the one fall-back policy
         u_star = dynamics.torque(np.zeros(4))
         limit = self.model.torque_limits
         # A law keeps to the limits up to rounding; the fall-back does not know them.
         u_total = np.clip(dynamics.torque(decision.v if answer.found else zd_pd), -limit, limit)
-        return ControlStep(
-            stance=state.leg.value,
-            u_zd=state.leg.from_body(u_star),
-            u_mpc=state.leg.from_body(u_total - u_star),
-            u_total=state.leg.from_body(u_total),
+        return ControlStep.of(
+            state.leg,
+            u_total,
+            u_zd=u_star,
+            u_mpc=u_total - u_star,
             y=dynamics.y,
             dy=dynamics.dy,
             theta=dynamics.theta,
             dtheta=dynamics.dtheta,
             s=self.gait.normalised(dynamics.theta),
             contact_force=dynamics.force + dynamics.force_per_torque @ u_total,
-            impact_in=-1,
             status=answer.status,
             fallback=not answer.found,
-            iterations=0,
             residuals=answer.residuals,
             slack=decision.slack,
             active=answer.active,

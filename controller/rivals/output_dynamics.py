@@ -1,16 +1,17 @@
 """The dynamics of the outputs, which both rivals control in place of the walker's: ddy = L_f^2 h + L_g L_f h u."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from controller.belief import Gait, WalkerModel, kernels
-from controller.compiled import compiled
+from controller.belief import kernels
+from controller.belief.closed_loop import GaitTable, outputs
+from controller.belief.kernels import Walker
+from controller.compiled import Array, compiled
 from controller.records import Vector
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OutputDynamics:
+class OutputDynamics(NamedTuple):
     """Eq. (6) at one state, and the stance force that goes with it; stance order.
 
     Attributes:
@@ -26,12 +27,12 @@ class OutputDynamics:
 
     theta: float
     dtheta: float
-    y: Vector
-    dy: Vector
-    drift: Vector
-    decoupling: Vector
-    force: Vector
-    force_per_torque: Vector
+    y: Array
+    dy: Array
+    drift: Array
+    decoupling: Array
+    force: Array
+    force_per_torque: Array
 
     def torque(self, v: Vector) -> Vector:
         """The torque in [N.m], (4,), that makes ddy = v in [rad/s^2], (4,); Eq. (7)."""
@@ -43,34 +44,19 @@ class OutputDynamics:
         return bool(np.isfinite(self.drift).all() and np.isfinite(self.decoupling).all())
 
 
-def output_dynamics(model: WalkerModel, gait: Gait, q: Vector, dq: Vector) -> OutputDynamics:
+@compiled
+def output_dynamics(walker: Walker, gait: GaitTable, q: Array, dq: Array) -> OutputDynamics:
     """Eq. (6) at a state.
 
     Args:
-        model: The walker believed in.
+        walker: The walker believed in.
         gait: The outputs.
         q: Coordinates in [rad], (5,).
         dq: Rates in [rad/s], (5,).
     """
-    theta, dtheta, y, dy, drift, decoupling, force, force_per_torque = _at(model.lumped, gait.table, q, dq)
-    return OutputDynamics(
-        theta=theta,
-        dtheta=dtheta,
-        y=y,
-        dy=dy,
-        drift=drift,
-        decoupling=decoupling,
-        force=force,
-        force_per_torque=force_per_torque,
-    )
-
-
-@compiled
-def _at(walker, gait, q, dq):  # type: ignore[no-untyped-def]
-    """The fields of `OutputDynamics`, in its order."""
     stage = kernels.new_stage()
     kernels.place(q, dq, stage)
-    theta, dtheta = kernels.outputs(gait, q, dq, stage)
+    theta, dtheta = outputs(gait, q, dq, stage)
     kernels.accelerate(walker, dq, np.zeros(4), stage)
     kernels.responses(stage)
     force, force_per_torque = np.empty(2), np.empty((2, 4))
@@ -83,4 +69,4 @@ def _at(walker, gait, q, dq):  # type: ignore[no-untyped-def]
         for j in range(4):
             per_torque = stage.BtDinv[j]
             decoupling[i, j] = per_torque[i] - stage.h1[i] * np.dot(gait.clock, per_torque)
-    return theta, dtheta, stage.y, stage.dy, drift, decoupling, force, force_per_torque
+    return OutputDynamics(theta, dtheta, stage.y, stage.dy, drift, decoupling, force, force_per_torque)

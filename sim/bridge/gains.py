@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.belief.kernels import Gains
+from controller.belief import Gains
 from controller.design import gains as gain_search
 from controller.design import gait_file
 from sim import search

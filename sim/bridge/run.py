@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.belief import kernels
+from controller.belief.closed_loop import zero_dynamics
 from controller.cmpc import CascadedMpc
+from controller.cmpc.prediction import roll_out
 from controller.compiled import on_disk
 from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
@@ -140,7 +141,7 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
         observation: Anything legal.
         announce: Told a line for the user where compiling will take long.
     """
-    if announce and not on_disk(kernels.rollout if isinstance(controller, CascadedMpc) else kernels.zero_dynamics):
+    if announce and not on_disk(roll_out if isinstance(controller, CascadedMpc) else zero_dynamics):
         announce("compiling kernels, once, about 20 s")
     controller.step(observation)
 
