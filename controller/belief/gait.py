@@ -13,6 +13,7 @@ from controller.belief.kernels import N_Q, N_U
 from controller.belief.model import WalkerModel
 from controller.belief.polynomial import power_basis
 from controller.errors import UserError
+from controller.products import inner
 from controller.records import ACTUATED, Vector, swap_legs
 
 
@@ -44,7 +45,7 @@ class Gait:
     @classmethod
     def of(cls, *, name: str, source: str, alpha: Vector, clock: Vector, q_minus: Vector, dq_minus: Vector) -> "Gait":
         """Build a gait; the clock's range follows from the posture before impact and its mirror image."""
-        theta_plus, theta_minus = float(clock @ swap_legs(q_minus)), float(clock @ q_minus)
+        theta_plus, theta_minus = inner(clock, swap_legs(q_minus)), inner(clock, q_minus)
         table = GaitTable(
             poly=power_basis(alpha),
             clock=np.array(clock, dtype=float),

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from controller.belief import kernels, urdf
 from controller.errors import UserError
+from controller.products import product
 from controller.records import Vector
 
 JOINT_NAMES = ("left_hip", "left_knee", "right_hip", "right_knee")
@@ -289,32 +290,28 @@ def lump(
     swing_leg = np.array([0.0, femur.length, 0.0, tibia.length, 0.0])
     lever = from_hip - stance_leg  # stance foot as origin: hip = -L_f d(phi_0) - L_t d(phi_2)
     lever_next = from_hip - swing_leg  # swing foot as origin, for the impact
-    # Complex levers; only a link's own centre of mass can be off its axis.
     own = [femur.com_across, femur.com_across, tibia.com_across, tibia.com_across, torso.com_across]
-    own = own if known.com_across else [0.0] * 5
-    across = lever - 1j * np.diag(own)
-    across_next = lever_next - 1j * np.diag(own)
-    whole = across.conj().T @ (m[:, None] * across)
-    whole_next = across_next.conj().T @ (m[:, None] * across)
-    if any(own):
-        lever, lever_next = across, across_next
+    # Only a link's own centre of mass can be off its axis: levers are complex, lever - i diag(across).
+    across = np.array(own if known.com_across else [0.0] * 5)
     rotor = joints.rotor if known.rotor_inertia else np.zeros(4)
     relative = np.linalg.inv(H)[:4]  # joint angles of link angles
     friction = joints.friction if known.friction else np.zeros(4)
     stiffness = joints.stiffness if known.springs else np.zeros(4)
+    weighted, about_own = m[:, None] * lever, np.diag(inertia + m * across * across)
+    legs = [1, 0, 2, 3]  # the order in which every log so far has summed
     return kernels.Walker(
-        A=np.ascontiguousarray((lever.conj().T @ (m[:, None] * lever)).real + np.diag(inertia)),
-        A_impact=np.ascontiguousarray((lever_next.conj().T @ (m[:, None] * lever)).real + np.diag(inertia)),
-        b=np.ascontiguousarray((lever.T @ m).real),
+        A=product(lever.T, weighted) + about_own,
+        A_impact=product(lever_next.T, weighted) + about_own,
+        b=product(lever[legs].T, m[legs, None])[:, 0] + m[4] * lever[4],
         reach=swing_leg - stance_leg,
         damping=np.array(joints.damping, dtype=float),
         mass=float(m.sum()),
         gravity=float(gravity),
-        extended=bool(any(own) or rotor.any()),
-        A_across=np.ascontiguousarray(whole.imag),
-        A_impact_across=np.ascontiguousarray(whole_next.imag),
-        b_across=np.array(own) * m,
-        rotor=np.ascontiguousarray(relative.T @ (rotor[:, None] * relative)),
+        extended=bool(across.any() or rotor.any()),
+        A_across=np.ascontiguousarray(across[:, None] * weighted - lever.T * (m * across)),
+        A_impact_across=np.ascontiguousarray(across[:, None] * weighted - lever_next.T * (m * across)),
+        b_across=across * m,
+        rotor=product(relative.T, rotor[:, None] * relative),
         resists=bool(friction.any() or stiffness.any()),
         friction=np.array(friction, dtype=float),
         stiffness=np.array(stiffness, dtype=float),

@@ -5,6 +5,7 @@ from math import comb
 import numpy as np
 
 from controller.compiled import Array, inlined
+from controller.products import product
 from controller.records import Vector
 
 
@@ -19,7 +20,7 @@ def power_basis(alpha: Vector) -> Vector:
     for k in range(degree + 1):
         for j in range(k, degree + 1):
             convert[k, j] = comb(degree, k) * comb(degree - k, j - k) * (-1) ** (j - k)
-    return np.ascontiguousarray(alpha @ convert)
+    return product(alpha, convert)
 
 
 @inlined

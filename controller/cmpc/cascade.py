@@ -9,6 +9,7 @@ from controller.belief.friction import ROWS, UNLIMITED, cone, excess
 from controller.belief.kernels import N_U
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, predict
 from controller.compiled import Array, compiled
+from controller.products import applied
 from controller.qp import Solver, StageQP
 from controller.qp.problem import failed
 from controller.records import ControlStep, Observation, Status, Vector
@@ -106,7 +107,7 @@ class CascadedMpc(Law):
             theta=horizon.theta,
             dtheta=horizon.dtheta,
             s=self.gait.normalised(horizon.theta),
-            contact_force=horizon.force[0] + horizon.force_per_torque[0] @ u_mpc,  # Eq. (20)
+            contact_force=horizon.force[0] + applied(horizon.force_per_torque[0], u_mpc),  # Eq. (20)
             impact_in=horizon.impact_in,
             status=solution.status,
             fallback=not solution.found,

@@ -13,6 +13,7 @@ from controller.ltv.cost import off_the_orbit
 from controller.ltv.horizon import Outlook
 from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
 from controller.ltv.problem import residuals
+from controller.products import inner
 from controller.records import ControlStep, Observation, StanceState, Status, Vector
 from controller.settings import LtvSettings
 
@@ -151,8 +152,8 @@ class LtvCascade(Law):
     def _weigh(self, state: StanceState) -> None:
         """Set the outputs' weight for the clock's rate measured."""
         clock = self.gait.clock
-        rate, _ = nominal_rate(self.orbit, float(clock @ state.q))
-        off = abs(float(clock @ state.dq) - rate)
+        rate, _ = nominal_rate(self.orbit, inner(clock, state.q))
+        off = abs(inner(clock, state.dq) - rate)
         self.cost.error[:, :4] = self._grown * self.settings.output_at(off)
 
     def _plan(self) -> LtvPlan:

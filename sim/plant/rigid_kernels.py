@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.compiled import compiled
+from controller.products import applied
 
 Array = NDArray[np.float64]
 Work = NDArray[np.void]
@@ -219,8 +220,8 @@ def strike(work: Work, q: Array, before: Array, after: Array, impulse: Array, ol
     pinned = w.leg
     landing = 1 - pinned
     pin(work, q, before, pinned)
-    velocity = T @ before
-    momentum = M @ velocity
+    velocity = applied(T, before)
+    momentum = applied(M, velocity)
     pin(work, q, before, landing)
     reduce(M, T, A)
     for i in range(5):
@@ -228,10 +229,10 @@ def strike(work: Work, q: Array, before: Array, after: Array, impulse: Array, ol
         for k in range(7):
             after[i] += T[k, i] * momentum[k]
     solve(A, after)
-    new_velocity = T @ after
-    new_momentum = M @ new_velocity
+    new_velocity = applied(T, after)
+    new_momentum = applied(M, new_velocity)
     pin(work, q, before, pinned)
-    hip_of_pinned = T @ after
+    hip_of_pinned = applied(T, after)
     for axis in range(2):
         row = hip[axis]
         impulse[axis] = new_momentum[row] - momentum[row]
