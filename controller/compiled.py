@@ -20,6 +20,7 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
+from numba.core.caching import _CacheLocator
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -49,10 +50,39 @@ def on_disk(kernel: Any) -> bool:
 
 
 def _kept(function: Callable[..., Any], forceinline: bool = False) -> Any:
-    module = sys.modules[function.__module__]
-    folder = cache_root() / f"{function.__module__}-{digest(Path(str(module.__file__)))}"
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
-    return numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
+    others = numba.config.CACHE_LOCATOR_CLASSES  # type: ignore[attr-defined]
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"  # type: ignore[attr-defined]
+    try:
+        return numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
+    finally:
+        numba.config.CACHE_LOCATOR_CLASSES = others  # type: ignore[attr-defined]
+
+
+class Locator(_CacheLocator):
+    """Tells Numba where a kernel is kept, and that whatever lies there is of these sources."""
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        """Args: function: the kernel; file: of its source."""
+        self._line = str(function.__code__.co_firstlineno)
+        self._digest = digest(Path(file))
+        self._folder = cache_root() / f"{function.__module__}-{self._digest}"
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> "Locator":
+        """The place of a kernel."""
+        return cls(function, file)
+
+    def get_cache_path(self) -> str:
+        """Folder, which need not exist."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """What must be equal for a kernel on disk to be used."""
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        """Tells functions of one name apart."""
+        return self._line
 
 
 @functools.cache

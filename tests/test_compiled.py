@@ -78,6 +78,13 @@ def test_without_a_writable_place_kernels_live_for_one_run_and_that_is_said_once
     assert not list(tmp_path.glob("cmpc-kernels-*"))
 
 
+def test_two_copies_of_the_project_share_kernels(house, tmp_path):
+    kept = {CACHE_VARIABLE: str(tmp_path / "kept")}
+    assert ask(house, **kept)[0] == ["2.0"]
+    shutil.copytree(house, tmp_path / "copy")
+    assert ask(tmp_path / "copy", **kept)[0] == ["2.0", "1"]
+
+
 def test_the_users_own_place_is_taken(house, tmp_path):
     assert ask(house, **{CACHE_VARIABLE: str(tmp_path / "mine")}) == (["2.0"], "")
     assert len(list((tmp_path / "mine").glob("controller.caller-*"))) == 1
