@@ -1,6 +1,5 @@
 """Reproduction: verdicts are computed, broken controllers fail them, results are kept and reproducible."""
 
-import builtins
 import dataclasses
 import json
 from pathlib import Path
@@ -14,7 +13,6 @@ from sim.errors import UserError
 from sim.reproduce import (
     EXPERIMENTS,
     criteria,
-    draw,
     measure,
     report,
 )
@@ -428,18 +426,3 @@ def test_every_experiment_is_there_and_says_what_it_needs() -> None:
 def test_bad_input_is_named(capsys, words: list[str], message: str) -> None:
     assert cli.main(["reproduce", *words]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_without_matplotlib_the_way_to_install_it_is_told(monkeypatch, capsys, tmp_path) -> None:
-    imports = builtins.__import__
-
-    def without(name, *rest, **more):
-        if name == "matplotlib":
-            raise ImportError(name)
-        return imports(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(UserError, match=r"cmpc-walker\[plots\]"):
-        draw.require()
-    assert cli.main(["reproduce", "fig3", "--out", str(tmp_path)]) == 2
-    assert "pip install" in capsys.readouterr().err

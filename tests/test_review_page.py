@@ -142,7 +142,7 @@ def ink(picture, box):
 def show_all(browser):
     """The whole page, its plots with nothing but grid and lines."""
     browser.run("document.getElementById('stage').style.position = 'static'")
-    browser.run("cmpc.events = () => [], cmpc.limits = () => [], cmpc.t = -1")
+    browser.run("cmpc.events = () => [], cmpc.spans = () => [], cmpc.limits = () => [], cmpc.t = -1")
     browser.resize()
     browser.run("cmpc.redraw()")
 
@@ -247,6 +247,33 @@ def test_two_logs_overlay_and_differ(browser, pages, logs):
     shown = browser.run("document.querySelector('#plot-torso b').textContent").replace("−", "-").removesuffix(" rad")
     assert float(shown) == pytest.approx(gap, rel=0.01)
     assert browser.complaints == []
+
+
+def test_no_key_breaks_a_page_of_one_log(browser, pages):
+    browser.complaints.clear()
+    browser.open(pages[0], "#theme=light")
+    for key in ("b", "p", "d", "r", "[", "]", "+", "-", "Home", "End", "ArrowLeft", "ArrowRight", "b"):
+        browser.press(key)
+    assert browser.run("cmpc.mode") == "overlay" and browser.complaints == []
+    show_all(browser)
+    picture = browser.screenshot()
+    assert min(ink(picture, box) for box in boxes(browser, ".plot canvas:first-child").values()) > 150
+
+
+def test_a_printed_page_has_its_plots(browser, pages):
+    """Chromium draws for paper what the page prepared before printing; each plot is there, in light colours."""
+    browser.open(pages[0], "#theme=dark")
+    browser.resize(900)
+    browser.run("window.dispatchEvent(new Event('beforeprint'))")
+    assert browser.run("document.documentElement.dataset.theme") == "light"
+    assert browser.run("cmpc.plots.every(plot => plot.drawn && plot.base.width > 300)")
+    browser.run("window.dispatchEvent(new Event('afterprint'))")
+    assert browser.run("document.documentElement.dataset.theme") == "dark"
+
+
+def test_pushes_are_shaded(pages):
+    spans = data_of(pages[0].read_text())["runs"][0]["spans"]
+    assert [span["name"] for span in spans] == ["40 N"] and 0.0 <= spans[0]["from"] < spans[0]["to"]
 
 
 def test_it_fits_a_phone(tmp_path, pages):

@@ -103,7 +103,6 @@ def _map(
     from sim.runner import Stopped, Task, TaskStore, run_tasks
     from sim.terminal.progress import progress_bar
 
-    draw.require()
     grid = Grid.of(torso, force)
     store = TaskStore(out / "tasks")
     files = tuple(str(path) for path in ModelFiles.of(scenario).read)

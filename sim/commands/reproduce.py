@@ -73,11 +73,10 @@ def _names(given: Sequence[str]) -> list[str]:
 def _reproduce(
     names: Sequence[str], out: Path, changes: Mapping[str, Any], *, quick: bool, workers: int, silent: bool
 ) -> int:
-    from sim.reproduce import draw, report
+    from sim.reproduce import report
     from sim.reproduce.study import Effort, Evaluation
     from sim.runner import Stopped, TaskStore, run_tasks
 
-    draw.require()
     store = TaskStore(out / "tasks")
     effort = Effort(quick=quick, changes=changes)
     modules = {name: importlib.import_module(f"sim.reproduce.experiments.{name}") for name in EXPERIMENTS}

@@ -6,23 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.errors import UserError
 from sim.reproduce.panels import GREY, LinePanel, MapPanel, Panel
 
 WIDTH, HEIGHT = 5.2, 3.1  # [inch] of a panel
 DPI = 160
-
-
-def require() -> None:
-    """See that matplotlib is there.
-
-    Raises:
-        UserError: it is not; says how to install it.
-    """
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise UserError("figures need matplotlib, which is missing; pip install 'cmpc-walker[plots]'") from error
 
 
 def draw(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a figure shows, said once: drawn by matplotlib (`draw.py`) and by the page's own script (`page.js`)."""
+"""What a figure shows, said once: drawn by matplotlib (`draw.py`) and by the page's script (`panels.js`)."""
 
 import dataclasses
 import itertools
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-BLACK, GREY, BLUE, ORANGE, GREEN, RED = "#1a1a1a", "#8c8c8c", "#1f5fa8", "#d9731a", "#3a8f4d", "#b3262e"
+from sim.pages.palette import BLACK, BLUE, GREY, ORANGE
+
 JOINT_STYLES = ((BLUE, "solid"), (ORANGE, "solid"), (BLACK, "dashed"), (GREY, "dashed"))
 """Colour and dash of the four joints: told apart in greyscale by dash and brightness."""
 

@@ -7,8 +7,7 @@ from xml.etree import ElementTree
 
 from sim.interface import JOINTS
 from sim.log.format.fields import OUTPUTS
-
-COLOURS = ("#1f6fb5", "#d9690f", "#16855a", "#8b4fb8", "#c2185b", "#667080")
+from sim.pages.palette import COLOURS
 
 
 class LayoutPlot(NamedTuple):

@@ -1,14 +1,12 @@
 """One HTML page from a log, or from two: everything in it, nothing fetched, nothing in it executed but ours."""
 
 import base64
-import html
-import json
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sim import pages
 from sim.errors import UserError
 from sim.interface import LEGS
 from sim.log.format.fields import OUTPUTS
@@ -22,8 +20,8 @@ MOST_SAMPLES = 12_000
 """Samples of a signal; 10 s are there tick by tick. Two logs share them."""
 MOST_FRAMES = 6_000
 MOST_PUSHES = 3
+MOST_SPANS = 100
 FRAME_RATE = 100.0  # [1/s] of the figure
-SCRIPTS = ("plot.js", "figure.js", "app.js")
 
 
 def page(logs: list[Log]) -> str:
@@ -50,7 +48,7 @@ def page(logs: list[Log]) -> str:
             raise UserError(f"{logs[0].path} and {logs[1].path} have no tick in common")
         data["difference"] = _samples(gap, keys, samples)
     names = " | ".join(run["head"]["name"] for run in data["runs"])
-    return _html(f"{names} – C-MPC log review", data)
+    return pages.render("review.html", title=f"{names} – C-MPC log review", data=data)
 
 
 def _panels(signals: list[Signals]) -> list[Panel]:
@@ -75,6 +73,7 @@ def _run(run: Run, signals: Signals, keys: set[str], samples: int) -> dict[str, 
         "provenance": facts.provenance(run),
         "scenario": facts.scenario_text(run),
         "events": facts.events(run),
+        "spans": _spans(signals),
         "limits": facts.limits(run),
         "geometry": facts.geometry(run),
         "end": float(signals.t[-1]),
@@ -82,6 +81,18 @@ def _run(run: Run, signals: Signals, keys: set[str], samples: int) -> dict[str, 
         "frames": _frames(run, signals),
         "horizon": _horizon(run),
     }
+
+
+def _spans(signals: Signals) -> list[dict[str, Any]]:
+    """Stretches of time in which something pushes."""
+    size = np.nan_to_num(np.hypot(signals.columns["push.x"], signals.columns["push.z"]))
+    edges = np.flatnonzero(np.diff(np.concatenate(([0.0], size > 0.0, [0.0]))))
+    times = np.append(signals.t, signals.t[-1])
+    pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return [
+        {"from": float(times[a]), "to": float(times[b]), "name": f"{size[a:b].max():.0f} N", "colour": "push"}
+        for a, b in list(pairs)[:MOST_SPANS]
+    ]
 
 
 def _samples(signals: Signals, keys: set[str], most: int) -> dict[str, Any]:
@@ -154,31 +165,6 @@ def _floats(values: Any) -> str:
     return base64.b64encode(np.asarray(values).astype("<f4").tobytes()).decode("ascii")
 
 
-def _html(title: str, data: dict[str, Any]) -> str:
-    folder = files("sim.review") / "page"
-    text = json.dumps(_finite(data), ensure_ascii=False, allow_nan=False)
-    text = text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    parts = {
-        "TITLE": html.escape(title),
-        "STYLE": (folder / "style.css").read_text(encoding="utf-8"),
-        "SCRIPT": "\n".join((folder / name).read_text(encoding="utf-8") for name in SCRIPTS),
-        "DATA": text,
-    }
-    out = (folder / "page.html").read_text(encoding="utf-8")
-    for name, part in parts.items():  # data last: nothing in it is looked at again
-        out = out.replace(f"<!--{name}-->", part, 1)
-    return out
-
-
-def _finite(value: Any) -> Any:
-    """Numbers that JSON does not have become null."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
 def write_page(logs: list[Log], target: Path) -> None:
     """Write the page; an existing page of that name is replaced.
 
@@ -188,7 +174,4 @@ def write_page(logs: list[Log], target: Path) -> None:
     text = page(logs)
     if target.is_dir() or target.suffix == ".mcap":
         raise UserError(f"--out {target}: must be the name of an .html file")
-    try:
-        target.write_text(text, encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise UserError(f"--out {target}: cannot be written: {error.strerror}") from error
+    pages.write(target, text)

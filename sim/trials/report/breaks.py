@@ -1,15 +1,15 @@
 """The page "what breaks": for each axis and controller, what gave way in the first trial that fell."""
 
-import html
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
+from sim.pages.palette import CAUSES
 from sim.trials.falls import witness as w
 from sim.trials.plan import MarginStudy
 from sim.trials.plan.axis import label
 from sim.trials.report import plots
 from sim.trials.report.findings import Side, sides
-from sim.trials.report.page import key
 from sim.trials.report.summary import DIRECTIONS
 from sim.trials.run import Results, TrialResult
 
@@ -27,74 +27,58 @@ SYMPTOMS = {
 }
 
 
-def breaks_page(results: Results, back: str) -> Iterator[str]:
-    """The body of the page.
+RULE = (
+    "Once a walker falls, everything goes wrong at once. So the ticks that show a symptom are followed back from the "
+    f"fall to the last {w.GAP:g} s without any: there the fall began, and the first symptom is named."
+)
+SHARE = (
+    f"Each must hold for its share of the {w.WINDOW:g} s before. Those that begin within {w.TOGETHER:g} s of the first "
+    "are one event, named in this order; falling back and lost outputs come after torque. The figures are those around "
+    "the beginning of the fall. Undisturbed walks show none."
+)
 
-    Args:
-        results: What the campaign found.
-        back: The page to link back to.
-    """
+
+def breaks(results: Results) -> Iterator[dict[str, Any]]:
+    """What the page shows of each study: its name, bars of causes, and of a margin study a row for each side."""
     plan = results.plan
-    yield f"<h1>{html.escape(plan.name)}: what breaks</h1><p><a href={back}>What each controller holds</a></p>"
-    yield from _criteria()
     for start, study in plan.offsets():
-        yield f"<h2>{html.escape(study.name)}</h2>"
         if isinstance(study, MarginStudy):
-            yield from _margins(list(sides(results, study)), study, plan.controllers)
+            found = list(sides(results, study))
+            falls = {name: _count(side.fall for side in found if side.controller == name) for name in plan.controllers}
+            rows = list(_rows(found, study, plan.controllers))
+            lead = "The first fall on every side that breaks:"
         else:
-            rows = {name: results.store.results(name, start, start + study.size) for name in plan.controllers}
-            falls = {name: _count(found) for name, found in rows.items()}
-            yield "<p>All falls:</p>" + plots.cause_bars(falls, study.name)
-
-
-def _criteria() -> Iterator[str]:
-    yield (
-        "<p>Once a walker falls, everything goes wrong at once. So the ticks that show a symptom are followed back "
-        f"from the fall to the last {w.GAP:g} s without any: there the fall began, and the first symptom is named.</p>"
-        "<details open><summary>The symptoms</summary><table>"
-    )
-    for word, sentence in SYMPTOMS.items():
-        yield f"<tr><td>{key(plots.CAUSE_COLOURS[word], word)}<td>{html.escape(sentence)}</tr>"
-    yield (
-        f"</table><p class=muted>Each must hold for its share of the {w.WINDOW:g} s before. Those that begin within "
-        f"{w.TOGETHER:g} s of the first are one event, named in this order; falling back and lost outputs come after "
-        "torque. The figures are those around the beginning of the fall. Undisturbed walks show none.</p></details>"
-    )
+            trials = {name: results.store.results(name, start, start + study.size) for name in plan.controllers}
+            falls, rows, lead = {name: _count(one) for name, one in trials.items()}, [], "All falls:"
+        yield {"name": study.name, "lead": lead, "bars": plots.cause_bars(falls, study.name), "rows": rows}
 
 
 def _count(falls: Iterable[TrialResult | None]) -> Counter[str]:
     return Counter(fall.cause for fall in falls if fall and fall.cause)
 
 
-def _margins(found: Sequence[Side], study: MarginStudy, controllers: Sequence[str]) -> Iterator[str]:
-    falls = {name: _count(side.fall for side in found if side.controller == name) for name in controllers}
-    yield "<p>The first fall on every side that breaks:</p>" + plots.cause_bars(falls, study.name)
-    head = "".join(f"<th>{html.escape(name)}" for name in controllers)
-    yield f"<div class=wide><table><tr><th>axis<th>{head}</tr>"
+def _rows(found: Sequence[Side], study: MarginStudy, controllers: Sequence[str]) -> Iterator[dict[str, Any]]:
     for axis in study.axes:
         for sign in (-1, 1):
             here = {side.controller: side for side in found if side.axis is axis and side.sign == sign}
-            if not here:
-                continue
-            cells = "".join(f"<td>{_cell(here[name]) if name in here else '-'}" for name in controllers)
-            unit = next(iter(here.values())).unit
-            yield (
-                f"<tr><td>{html.escape(label(axis))} <span class=muted>[{html.escape(unit)}]</span>"
-                f"<td>{DIRECTIONS[sign]}{cells}</tr>"
-            )
-    yield "</table></div>"
+            if here:
+                cells = [_cell(here.get(name)) for name in controllers]
+                unit = next(iter(here.values())).unit
+                yield {"axis": label(axis), "unit": unit, "direction": DIRECTIONS[sign], "cells": cells}
 
 
-def _cell(side: Side) -> str:
+def _cell(side: Side | None) -> Mapping[str, Any]:
     """Where it falls first, what broke, the figures that say so, and on hovering the trial with all of them."""
-    fall = side.fall
-    if fall is None:
-        return f"<span class=muted>holds {side.limit:.4g}</span>"
+    fall = side.fall if side else None
+    if side is None or fall is None:
+        return {"text": f"holds {side.limit:.4g}" if side else "-", "cause": ""}
     if not fall.cause:
-        return html.escape(f"{side.margin.fell_at:.4g}: {fall.why}")
+        return {"text": f"{side.margin.fell_at:.4g}: {fall.why}", "cause": ""}
     word, _, what = fall.cause.partition(": ")
-    return (
-        f"{side.margin.fell_at:.4g} {key(plots.CAUSE_COLOURS[word], word)}<br><span class=muted "
-        f'title="{html.escape(f"{fall.controller}/{fall.trial} {fall.evidence}")}">'
-        f"{html.escape(f'{what}, {fall.proof}'.rstrip(', '))}</span>"
-    )
+    return {
+        "text": f"{side.margin.fell_at:.4g}",
+        "cause": word,
+        "colour": CAUSES[word],
+        "proof": f"{what}, {fall.proof}".rstrip(", "),
+        "title": f"{fall.controller}/{fall.trial} {fall.evidence}",
+    }

@@ -7,14 +7,16 @@ import html
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
+from sim import pages
 from sim.errors import UserError
-from sim.trials.plan import GridStudy, MarginStudy
+from sim.pages.palette import CAUSES, colour
+from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
 from sim.trials.plan.plan import to_toml
-from sim.trials.report.breaks import breaks_page
+from sim.trials.report.breaks import RULE, SHARE, SYMPTOMS, breaks
 from sim.trials.report.grid_section import grid_section
 from sim.trials.report.margin_section import margin_section
-from sim.trials.report.page import controller_colour, document, key, number
 from sim.trials.report.random_section import random_section
 from sim.trials.report.summary import counted
 from sim.trials.run import Results, TrialResult
@@ -38,13 +40,12 @@ def write_report(results: Results, folder: Path) -> Path:
     Raises:
         UserError: the folder cannot be written.
     """
+    report, what_breaks = _report(results), _breaks(results)
     try:
         _write_csv(results, folder / "results.csv")
-        body, breaks = "\n".join(_page(results)), "\n".join(breaks_page(results, REPORT))
-        name = results.plan.name
-        (folder / REPORT).write_text(document(name, body), encoding="utf-8")
-        (folder / BREAKS).write_text(document(f"{name}: what breaks", breaks), encoding="utf-8")
-        _write_plots(body + breaks, folder / "plots")
+        pages.write(folder / REPORT, report)
+        pages.write(folder / BREAKS, what_breaks)
+        _write_plots(report + what_breaks, folder / "plots")
     except OSError as error:
         raise UserError(f"{folder}: the page cannot be written: {error.strerror}") from error
     return folder / REPORT
@@ -66,30 +67,50 @@ def _write_plots(body: str, folder: Path) -> None:
     for place, found in enumerate(re.finditer(r"<svg.*?</svg>", body, flags=re.DOTALL)):
         title = re.search(r"<title>(.*?)</title>", found[0])
         name = re.sub(r"\W+", "-", html.unescape(title[1]) if title else "plot").strip("-").lower()[:60]
-        (folder / f"{place:03}-{name}.svg").write_text(found[0], encoding="utf-8")
+        (folder / f"{place:03}-{name}.svg").write_text(found[0].replace("currentColor", "#000"), encoding="utf-8")
 
 
-def _page(results: Results) -> Iterator[str]:
+def _report(results: Results) -> str:
     plan = results.plan
     counts = results.store.counts()
     done = sum(one.done for one in counts.values())
-    yield f"<h1>{html.escape(plan.name)}</h1><p class=lead>{html.escape(plan.description)}</p><p class=keys>"
-    for place, name in enumerate(plan.controllers):
-        yield key(controller_colour(place), f"{name}: {counted(counts.get(name, Counts()))}")
-    yield f"</p><p class=muted>{done} trials, seed {plan.seed}. {_criteria(results)}</p>"
-    if pending(plan, results.store):
-        yield "<p><b>Not all trials have been run yet.</b> Margins whose search is not finished are left out.</p>"
-    yield f'<p><a href="{BREAKS}">What breaks</a>, axis by axis.</p>'
-    for study in plan.studies:
-        yield f"<h2>{html.escape(study.name)}</h2>"
-        if isinstance(study, MarginStudy):
-            yield from margin_section(results, study)
-        elif isinstance(study, GridStudy):
-            yield from grid_section(results, study)
-        else:
-            yield from random_section(results, study)
-    yield from _falls(results)
-    yield f"<details><summary>The plan</summary><pre>{html.escape(to_toml(plan))}</pre></details>"
+    keys = [
+        (colour(place), f"{name}: {counted(counts.get(name, Counts()))}") for place, name in enumerate(plan.controllers)
+    ]
+    return pages.render(
+        "report.html",
+        title=plan.name,
+        description=plan.description,
+        keys=keys,
+        about=f"{done} trials, seed {plan.seed}. {_criteria(results)}",
+        unfinished=bool(pending(plan, results.store)),
+        breaks=BREAKS,
+        controllers=plan.controllers,
+        studies=[(study.name, _section(results, study)) for study in plan.studies],
+        falls=list(_falls(results)),
+        falls_in_all=sum(one.done - one.survived for one in counts.values()),
+        plan=to_toml(plan),
+    )
+
+
+def _section(results: Results, study: MarginStudy | GridStudy | MonteCarloStudy) -> dict[str, Any]:
+    if isinstance(study, MarginStudy):
+        return margin_section(results, study)
+    return grid_section(results, study) if isinstance(study, GridStudy) else random_section(results, study)
+
+
+def _breaks(results: Results) -> str:
+    return pages.render(
+        "breaks.html",
+        title=f"{results.plan.name}: what breaks",
+        back=REPORT,
+        rule=RULE,
+        share=SHARE,
+        symptoms=SYMPTOMS,
+        colours=CAUSES,
+        controllers=results.plan.controllers,
+        studies=list(breaks(results)),
+    )
 
 
 def _criteria(results: Results) -> str:
@@ -114,22 +135,11 @@ def _range(values: Sequence[float]) -> str:
     return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
-def _falls(results: Results) -> Iterator[str]:
+def _falls(results: Results) -> Iterator[Sequence[str]]:
     """The first falls and errors, each with the id that runs it again."""
-    falls = sum(one.done - one.survived for one in results.store.counts().values())
-    if not falls:
-        return
     rows = (row for row in results if not row.survived)
     shown = heapq.nsmallest(MOST_FALLS, rows, key=lambda row: (row.known, row.trial, row.controller))
-    which = f"{len(shown)} of {falls}; all are in results.csv"
-    yield f"<details><summary>Falls, errors and trials given up ({which})</summary>"
-    yield "<div class=wide><table><tr><th>trial<th>study<th>values<th class=number>steps<th class=number>time [s]"
-    yield "<th>how it ended<th>what broke</tr>"
     for row in shown:
-        values = ", ".join(f"{name} = {number(value)}" for name, value in row.axis_values.items())
-        yield (
-            f"<tr><td><code>{html.escape(row.controller)}/{row.trial}</code><td>{html.escape(row.study)}"
-            f"<td>{html.escape(values)}<td class=number>{row.steps}<td class=number>{row.time_s:.2f}"
-            f"<td>{html.escape(row.why)}<td>{html.escape(f'{row.cause}, {row.proof}' if row.cause else '')}</tr>"
-        )
-    yield "</table></div></details>"
+        values = ", ".join(f"{name} = {pages.number(value)}" for name, value in row.axis_values.items())
+        cause = f"{row.cause}, {row.proof}" if row.cause else ""
+        yield f"{row.controller}/{row.trial}", row.study, values, str(row.steps), f"{row.time_s:.2f}", row.why, cause

@@ -19,6 +19,7 @@ const app = {
   view: { from: 0, to: 1 },
   sources: () => (app.mode === "difference" ? [gap] : runs.map((run) => run.source)),
   events: () => runs[0].events,
+  spans: () => runs[0].spans,
   limits: (name) => (name && runs[0].limits[name]) || [],
   horizon: () => runs[0].horizon,
 
@@ -50,7 +51,7 @@ const app = {
     const times = app.events().map((e) => e.t), next = direction > 0 ? times.find((t) => t > app.t + 1e-4) : times.filter((t) => t < app.t - 1e-4).pop();
     if (next != null) app.seek(next);
   },
-  theme(name) { document.documentElement.dataset.theme = name; app.redraw(); },
+  theme(name) { app.chosen = document.documentElement.dataset.theme = name; app.plots.forEach((plot) => plot.relabel()); app.redraw(); },
   setMode(mode) {
     app.mode = mode; by("mode").setAttribute("aria-pressed", mode === "difference");
     app.plots.forEach((plot) => plot.relabel()); app.redraw();
@@ -107,7 +108,7 @@ function controls() {
   by("clip").onclick = () => { app.clip = !app.clip; by("clip").setAttribute("aria-pressed", !app.clip); app.redraw(); };
   by("theme").onclick = () => app.theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
   by("help").onclick = () => by("keys").showModal();
-  by("mode").hidden = !gap; by("mode").onclick = () => app.setMode(app.mode === "overlay" ? "difference" : "overlay");
+  by("mode").hidden = !gap; by("mode").onclick = () => gap && app.setMode(app.mode === "overlay" ? "difference" : "overlay");
   const presses = { " ": "play", r: "reset", p: "clip", d: "theme", "?": "help", b: "mode" };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || by("keys").open || /^(select|textarea)$/i.test(event.target.tagName)) return;
@@ -125,7 +126,7 @@ function controls() {
 
 function start() {
   const asked = new URLSearchParams(location.hash.slice(1));
-  document.documentElement.dataset.theme = asked.get("theme") || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  app.chosen = document.documentElement.dataset.theme = asked.get("theme") || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   app.view = { from: 0, to: app.end || 1 };
   header(); words(); marks(); controls();
   app.figure = new Figure(by("figure"), app);
@@ -138,7 +139,8 @@ function start() {
   const resized = new ResizeObserver(() => app.redraw());
   resized.observe(by("plots")); resized.observe(by("figure"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (event) => app.theme(event.matches ? "dark" : "light"));
-  addEventListener("beforeprint", () => app.plots.forEach((plot) => { plot.seen = true; plot.draw(); plot.point(); }));
+  const printed = (on) => { document.documentElement.dataset.theme = on ? "light" : app.chosen; app.plots.forEach((plot) => { plot.seen = true; }); app.redraw(); };
+  addEventListener("beforeprint", () => printed(true)); addEventListener("afterprint", () => printed(false));
   app.seek(+(asked.get("t") || 0));
   document.documentElement.dataset.ready = "yes";
 }

@@ -1,0 +1,5 @@
+"""What every HTML page of the program is made of: one base with one style, one palette, one plotter, SVG."""
+
+from sim.pages.page import number, render, write
+
+__all__ = ["number", "render", "write"]
