@@ -74,7 +74,7 @@ def cause_bars(falls: Mapping[str, Mapping[str, int]], title: str) -> "Markup":
                     made.axes.bar_label(bar, label_type="center", color="#fff")
                 made.title(bar[0], f"{controller}: {counts[cause]} falls, {cause}")
                 left += counts[cause]
-            made.axes.annotate(f"  {left} falls", (left, row), va="center", color=GREY)
+            made.axes.annotate(f"  {left} fall{'s' * (left != 1)}", (left, row), va="center", color=GREY)
         made.axes.set_xlim(0, 1.12 * longest)
         _rows(made.axes, list(falls))
     return made.svg
