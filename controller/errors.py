@@ -3,3 +3,7 @@
 
 class UserError(ValueError):
     """Bad input. The command line prints the message on one line and exits with code 2."""
+
+
+class ControllerFailed(RuntimeError):
+    """A controller broke, or gave what is no torque: the run ends as an error, which is never a fall."""

@@ -1,5 +1,6 @@
 """The laws by name: one factory each, from its settings and what the controller believes to a controller."""
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,13 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller import outside
 from controller.belief import Friction, Gains, Gait, Law, WalkerModel, load_gait
 from controller.belief.friction import PENALTY, ROWS
 from controller.cmpc import CascadedMpc, ZeroDynamicsController
 from controller.cmpc.cascade import Weights
+from controller.guard import Guarded
 from controller.qp import Solver, make_solver
 from controller.records import Controller
-from controller.settings import ControllerSettings
+from controller.settings import BUILT_IN, ControllerSettings
 
 if TYPE_CHECKING:
     from controller.fitting.family import GaitFamily
@@ -57,9 +60,11 @@ def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None
         UserError: unknown solver, or no gait library where gaits are fitted.
     """
     if settings.kind == "c-mpc":
-        law: Law = _c_mpc(settings, belief, solver)
-    else:
+        law: Law | Guarded = _c_mpc(settings, belief, solver)
+    elif settings.kind in BUILT_IN:
         law = _FACTORIES[settings.kind](settings, belief)
+    else:
+        law = _from_outside(settings, belief)
     if not settings.gait_fitting.enabled:
         return law
     from controller.fitting.controller import GaitFitting
@@ -102,6 +107,15 @@ def _c_mpc(settings: ControllerSettings, belief: Belief, solver: Solver | None) 
 
 def _zd_pd(settings: ControllerSettings, belief: Belief) -> Law:
     return ZeroDynamicsController(belief.model, belief.gait, _gains(settings))
+
+
+def _from_outside(settings: ControllerSettings, belief: Belief) -> Guarded:
+    """A controller by its name; its factory may ask for the model, the gait, and every setting of all controllers."""
+    found = outside.find(settings.kind)
+    common = {field.name: getattr(settings, field.name) for field in dataclasses.fields(ControllerSettings)}
+    offers = {"model": belief.model, "gait": belief.gait} | common
+    inner = outside.call(found, offers, getattr(settings, "settings", None) or (found.settings and found.settings()))
+    return Guarded(inner, found, belief.model, belief.gait)
 
 
 # Modules below are imported, and their kernels compiled, only where they are used.

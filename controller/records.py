@@ -7,6 +7,7 @@ controller and in *body order* (left hip, right hip, left knee, right knee) at i
 """
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 from typing import Any, Protocol
@@ -149,6 +150,8 @@ class ControlStep:
         solve_s: Wall time in the solver in [s].
         plan: What the controller expects over the horizon; None if it plans nothing.
         followed: Speed of the gait followed over that of the walker's own gait in [m/s].
+        diagnostics: Figures of the law's own by name, with the unit in brackets: {"push [N]": 3.0}; they are logged and
+            plotted. The names of the first tick that has any are those of the run.
     """
 
     stance: str
@@ -171,6 +174,7 @@ class ControlStep:
     solve_s: float = 0.0
     plan: Plan | None = None
     followed: float = 0.0
+    diagnostics: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(

@@ -4,9 +4,13 @@ Common ground: scenario files, flags and the laws know the same classes, and not
 """
 
 import dataclasses
+import functools
+import typing
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
+from controller import outside
 from controller.units import (
     AT_LEAST_ONE,
     FRACTION,
@@ -17,9 +21,15 @@ from controller.units import (
     Ratio,
     Second,
     Unit,
+    Words,
 )
 
 Four = tuple[float, float, float, float]
+
+BUILT_IN = ("c-mpc", "zd-pd", "c-mpc-ltv", "clf-qp", "output-mpc")
+"""Kinds of controller that come with the program."""
+
+Kind = Annotated[str, Words(known=BUILT_IN, others=outside.is_named, legal=outside.LEGAL)]
 
 QP_WEIGHT = Range(low=1e-4, high=1e4, words="between 1e-4 and 1e4")  # a dense solver has sixteen digits to share
 
@@ -153,7 +163,8 @@ class ControllerSettings:
     Attributes:
         kind: Control law: the paper's cascade (ZD+PD inside an MPC), ZD+PD alone, or a cascade with an MPC that
             linearises the closed loop through impacts and minds the clock's rate; or a rival: a control Lyapunov
-            function held by a QP, or MPC of the linearised outputs.
+            function held by a QP, or MPC of the linearised outputs; or one from outside,
+            MODULE:FACTORY or FILE.py:FACTORY.
         kp: Proportional gains K_P of the outputs.
         kd: Derivative gains K_D of the outputs.
         horizon: Prediction horizon N.
@@ -169,7 +180,7 @@ class ControllerSettings:
         gait_fitting: Which gait to follow.
     """
 
-    kind: Literal["c-mpc", "zd-pd", "c-mpc-ltv", "clf-qp", "output-mpc"] = "c-mpc"
+    kind: Kind = BUILT_IN[0]
     kp: Annotated[Four, Unit("1/s^2"), NOT_NEGATIVE] = (60.0, 90.0, 90.0, 50.0)
     kd: Annotated[Four, Unit("1/s"), NOT_NEGATIVE] = (10.0, 20.0, 20.0, 10.0)
     horizon: Annotated[int, Unit("ticks"), AT_LEAST_ONE] = 100
@@ -183,3 +194,79 @@ class ControllerSettings:
     clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
     output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
     gait_fitting: FittingSettings = dataclasses.field(default_factory=FittingSettings)
+
+    @classmethod
+    def read_as(cls, table: Mapping[str, Any]) -> tuple[type["ControllerSettings"], Mapping[str, Any]]:
+        """The class for a table of settings: one with a table `settings` where the controller is from outside.
+
+        Raises:
+            UserError: the controller's code cannot be imported.
+        """
+        kind = table.get("kind", BUILT_IN[0])
+        if not isinstance(kind, str) or kind in BUILT_IN or not outside.is_named(kind):
+            return ControllerSettings, table
+        if outside.is_inert():
+            return _with(_as_it_stands("Settings", table.get("settings", {}))), table
+        return _with(outside.find(kind).settings or NoSettings), table
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoSettings:
+    """Of a controller from outside that takes none."""
+
+
+@functools.lru_cache(maxsize=64)
+def _with(own: type) -> type[ControllerSettings]:
+    """The settings of a controller from outside: those of all controllers and, as `settings`, its own."""
+    needed = [f for f in dataclasses.fields(own) if f.default is f.default_factory is dataclasses.MISSING]
+    field: Any = dataclasses.field() if needed else dataclasses.field(default_factory=own)
+    return dataclasses.make_dataclass(
+        "ControllerSettings",
+        [("settings", own, field)],
+        bases=(ControllerSettings,),
+        namespace={"__doc__": "", "__reduce__": _reduce, "own": ("settings",)},
+        frozen=True,
+        slots=True,
+        kw_only=True,
+    )
+
+
+def _as_it_stands(name: str, table: Any) -> type:
+    """A settings class made from a table itself, where no code may be imported: names and types, no units."""
+    fields: list[tuple[str, Any, Any]] = []
+    for key, value in table.items() if isinstance(table, Mapping) else ():
+        kind: Any = type(value)
+        if isinstance(value, Mapping):
+            kind = _as_it_stands(key, value)
+        elif isinstance(value, list):
+            kind = tuple[str, ...] if value and all(isinstance(item, str) for item in value) else tuple[float, ...]
+        fields.append((str(key), kind, dataclasses.field()))
+    try:
+        return dataclasses.make_dataclass(name, fields, frozen=True, slots=True, kw_only=True)
+    except (TypeError, ValueError):  # names that Python cannot have
+        return NoSettings
+
+
+def _reduce(settings: Any) -> tuple[Any, ...]:
+    """Pickle by name: the class is made anew where it is read, from the same file."""
+    common = {f.name: getattr(settings, f.name) for f in dataclasses.fields(ControllerSettings)}
+    _, text = outside.source_of(settings.kind)
+    return _revived, (common, dataclasses.asdict(settings.settings), text)
+
+
+def _revived(common: dict[str, Any], own: dict[str, Any], text: bytes) -> ControllerSettings:
+    outside.remember(common["kind"], text)
+    cls = outside.find(common["kind"]).settings or NoSettings
+    made: Any = _with(cls)
+    return made(**common, settings=_rebuilt(cls, own))
+
+
+def _rebuilt(cls: Any, plain: Any) -> Any:
+    """The inverse of `dataclasses.asdict`."""
+    args = typing.get_args(cls)
+    if typing.get_origin(cls) is tuple and args and dataclasses.is_dataclass(args[0]):
+        return tuple(_rebuilt(args[0], item) for item in plain)
+    if not dataclasses.is_dataclass(cls):
+        return plain
+    hints = typing.get_type_hints(cls)
+    return cls(**{name: _rebuilt(hints[name], value) for name, value in plain.items()})  # type: ignore[operator]

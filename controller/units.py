@@ -1,8 +1,9 @@
-"""Units and legal ranges, written once beside each setting: `Annotated[float, Unit("N"), NOT_NEGATIVE]`.
+"""Units, legal values and help, written once beside each setting: `Annotated[float, Unit("N"), NOT_NEGATIVE]`.
 
 The command line's help, error messages and the log all read them from the annotation.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Annotated
@@ -40,6 +41,28 @@ class Range:
         if self.open:
             return self.low < value < self.high
         return self.low <= value <= self.high
+
+
+@dataclass(frozen=True, slots=True)
+class Doc:
+    """One sentence of help beside a setting, where its class has no line for it under `Attributes:`."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Words:
+    """Words a setting may hold that are known by heart, and a test for others.
+
+    Attributes:
+        known: The words, as help and messages list them.
+        others: Whether another word is legal.
+        legal: How a message names the others.
+    """
+
+    known: tuple[str, ...]
+    others: Callable[[str], bool]
+    legal: str
 
 
 POSITIVE = Range(low=0.0, open=True, words="above 0")

@@ -1,8 +1,8 @@
 """Errors of a run; those of a user's input are common ground."""
 
-from controller.errors import UserError
+from controller.errors import ControllerFailed, UserError
 
-__all__ = ["PlantDiverged", "UserError"]
+__all__ = ["ControllerFailed", "PlantDiverged", "UserError"]
 
 
 class PlantDiverged(RuntimeError):

@@ -12,7 +12,9 @@ from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
 CONTROLLER = ROOT / "controller"
 EQUATIONS = range(1, 25)
-COMMON_GROUND = {f"controller.{name}" for name in ("compiled", "errors", "products", "records", "settings", "units")}
+COMMON_GROUND = {
+    f"controller.{name}" for name in ("compiled", "errors", "outside", "products", "records", "settings", "units")
+}
 """What both worlds may know."""
 
 

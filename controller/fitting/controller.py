@@ -22,6 +22,7 @@ from dataclasses import replace
 
 from controller.belief import Law, StanceEstimator, WalkerModel
 from controller.fitting.family import GaitFamily
+from controller.guard import Guarded
 from controller.records import TORSO, ControlStep, Observation, StanceState
 from controller.settings import FittingSettings
 
@@ -29,7 +30,7 @@ from controller.settings import FittingSettings
 class GaitFitting:
     """Chooses the gait at each impact; everything else is the inner controller's."""
 
-    def __init__(self, inner: Law, model: WalkerModel, family: GaitFamily, rule: FittingSettings) -> None:
+    def __init__(self, inner: Law | Guarded, model: WalkerModel, family: GaitFamily, rule: FittingSettings) -> None:
         """Put the parts together.
 
         Args:

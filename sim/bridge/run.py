@@ -7,12 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from controller import outside
 from controller.belief.closed_loop import zero_dynamics
 from controller.cmpc import CascadedMpc
 from controller.cmpc.prediction import roll_out
 from controller.compiled import on_disk
+from controller.guard import Guarded, hangs_end
 from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
+from controller.settings import BUILT_IN
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import LEGS, Controller, Observation, Plant, Vector
 from sim.log import provenance
@@ -28,7 +31,7 @@ from sim.stability.rig import Rig
 from sim.stability.sections import Surface
 from sim.terminal.viewer import check_display, viewer
 from sim.walkers import ModelFiles
-from sim.walkers.model_files import LIBRARY, library_json
+from sim.walkers.model_files import LAW, LIBRARY, library_json
 
 __all__ = [
     "Belief",
@@ -141,6 +144,8 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
         observation: Anything legal.
         announce: Told a line for the user where compiling will take long.
     """
+    if isinstance(controller, Guarded):  # one from outside may count its ticks
+        return
     if announce and not on_disk(roll_out if isinstance(controller, CascadedMpc) else zero_dynamics):
         announce("compiling kernels, once, about 20 s")
     controller.step(observation)
@@ -189,8 +194,9 @@ def run_scenario(
     def loop(tape: Tape) -> RunSummary:
         walker = instrument(plant, scenario)
         with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
-            run = Loop(plant=walker, controller=controller, course=course, tape=tape)
-            return run.run(progress=progress, stop=ask, log=str(log) if log else "")
+            with hangs_end(controller):
+                run = Loop(plant=walker, controller=controller, course=course, tape=tape)
+                return run.run(progress=progress, stop=ask, log=str(log) if log else "")
 
     if log is None:
         return loop(tape or NoTape())
@@ -210,7 +216,8 @@ def _header(scenario: Scenario, belief: Belief, plant: Walker, files: ModelFiles
     walk_length = RUN_UP + LONGEST_STEP * scenario.steps
     terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=walk_length)
     git = provenance.git_state()
-    fits = scenario.controller.gait_fitting.enabled
+    fits, kind = scenario.controller.gait_fitting.enabled, scenario.controller.kind
+    law = outside.find(kind).text if kind not in BUILT_IN else b""
     return RunHeader(
         scenario_name=scenario.name,
         scenario_toml=to_toml(scenario),
@@ -227,5 +234,6 @@ def _header(scenario: Scenario, belief: Belief, plant: Walker, files: ModelFiles
             files.urdf.name: ("application/xml", files.urdf.read_bytes()),
             files.gait.name: ("application/toml", files.gait.read_bytes()),
             **({LIBRARY: ("application/json", library_json(files.library))} if fits else {}),
+            **({LAW: ("text/x-python", law)} if law else {}),
         },
     )

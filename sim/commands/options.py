@@ -1,11 +1,16 @@
 """Options that several commands share."""
 
 import argparse
+import contextlib
 import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
-from sim.scenario import Scenario, load
+from controller import outside
+from controller.settings import BUILT_IN
+from sim.errors import UserError
+from sim.scenario import Scenario, load, with_value
 from sim.settings import flags
 
 
@@ -68,9 +73,27 @@ def add_scenario(
     parser.add_argument("scenario", nargs="?", metavar="NAME|FILE.toml", help=f"{text} (default: {default})")
     own = parser.add_argument_group("options")
     own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
-    flags.add_settings(parser, scenario or Scenario(), argv)
+    flags.add_settings(parser, with_controller(scenario or Scenario(), argv), argv)
     parser.set_defaults(argv=argv)
     return parser, own
+
+
+def with_controller(scenario: Scenario, argv: Sequence[str]) -> Scenario:
+    """A scenario with the controller that a command line names by a flag or by its scenario file: what there is to set.
+
+    Raises:
+        UserError: the controller's code cannot be imported.
+    """
+    kind = scenario.controller.kind
+    for word in argv:
+        if word.endswith(".toml") and Path(word).is_file():
+            with contextlib.suppress(UserError):  # said later, by name
+                kind = load(word).controller.kind
+    for name in ("--controller", "--controller.kind"):
+        kind = next((word.removeprefix(f"{name}=") for word in argv if word.startswith(f"{name}=")), kind)
+        kind = next((argv[i + 1] for i, word in enumerate(argv[:-1]) if word == name), kind)
+    named = kind not in BUILT_IN and kind != scenario.controller.kind and outside.is_named(kind)
+    return with_value(scenario, "controller.kind", kind) if named else scenario
 
 
 def show_help(add_parser: Callable[..., None], found: argparse.Namespace, scenario: Scenario) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sim.commands.options import add_json, add_quiet
+from sim.commands.options import add_json, add_quiet, with_controller
 from sim.commands.run import check_new_log, default_log, print_summary
 from sim.scenario import Scenario
 from sim.settings import flags
@@ -47,7 +47,19 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     own.add_argument("--set", nargs=2, action="append", default=[], metavar=("PATH", "VALUE"), help="as --PATH VALUE")
     add_json(own, "the summary of a changed run")
     add_quiet(own)
-    flags.add_settings(parser, Scenario(), [*argv, *(f"--{word}" for word in argv)])  # --set has paths without --
+    words = [*argv, *(f"--{word}" for word in argv)]  # --set has paths without --
+    flags.add_settings(parser, with_controller(_logged(argv), words), words)
+
+
+def _logged(argv: Sequence[str]) -> Scenario:
+    """The scenario of a log whose controller's own settings are to be changed, the defaults otherwise."""
+    if not any("controller.settings" in word for word in argv):
+        return Scenario()
+    from sim.log.read import read_log
+    from sim.log.read.attachments import scenario_of
+
+    path = next((Path(word) for word in argv if word.endswith(".mcap") and Path(word).is_file()), None)
+    return scenario_of(read_log(path)) if path else Scenario()
 
 
 def _run(found: Namespace) -> int:

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from controller.outside import file_label
 from sim.commands.options import add_json, add_quiet, add_scenario, show_help
 from sim.errors import UserError
 from sim.scenario import Scenario, load, shipped
@@ -102,7 +103,7 @@ def default_log(scenario: Scenario) -> Path:
     except OSError as error:
         raise UserError(f"{LOGS.absolute()}: cannot make the folder for logs: {error.strerror}") from error
     name = re.sub(r"[^\w.-]+", "-", scenario.name).strip(".-") or "run"
-    stem = f"{name}-{scenario.controller.kind}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{os.getpid()}"
+    stem = f"{name}-{file_label(scenario.controller.kind)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{os.getpid()}"
     names = (LOGS / f"{stem}{'-' * (n > 1)}{n if n > 1 else ''}.mcap" for n in itertools.count(1))
     return next(path for path in names if not path.exists())
 

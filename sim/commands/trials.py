@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from controller import outside
+from controller.settings import BUILT_IN
 from sim.commands.options import add_json, add_quiet
 from sim.errors import UserError
 from sim.settings import flags
@@ -129,16 +131,13 @@ def _kinds(text: str) -> tuple[str, ...]:
     Raises:
         UserError: one is not known, given twice, or there is none.
     """
-    from sim.scenario import Scenario
-    from sim.settings.tree import spec_at
-
-    legal = spec_at(Scenario(), "controller.kind").choices
-    kinds = legal if text == "all" else tuple(word.strip() for word in text.split(","))
+    kinds = BUILT_IN if text == "all" else tuple(word.strip() for word in text.split(","))
     for kind in kinds:
-        if kind not in legal:
-            guess = flags.nearest(kind, legal)
+        if kind not in BUILT_IN and not outside.is_named(kind):
+            guess = flags.nearest(kind, BUILT_IN)
             raise UserError(
-                f"--controllers {text}: no controller {kind!r}; {guess}must be all, or of {', '.join(legal)}"
+                f"--controllers {text}: no controller {kind!r}; {guess}must be all, or of {', '.join(BUILT_IN)}, "
+                f"or {outside.LEGAL}"
             )
         if kinds.count(kind) > 1:
             raise UserError(f"--controllers {text}: {kind} is given twice; must be once each")

@@ -1,9 +1,12 @@
 """The loop between the worlds: look, decide, hold; 1000 times a second."""
 
+import math
 import time
 
-from sim.errors import PlantDiverged
-from sim.interface import Controller, ControlStep, Plant
+import numpy as np
+
+from sim.errors import ControllerFailed, PlantDiverged
+from sim.interface import JOINTS, Controller, ControlStep, Plant
 from sim.loop.course import Course
 from sim.loop.judge import Judge, TouchDown
 from sim.loop.metrics import Metrics
@@ -12,6 +15,7 @@ from sim.loop.pushes import active_forces
 from sim.loop.tape import Progress, Stop, Tape
 
 PROGRESS_TICKS = 50
+_ONES = np.ones(len(JOINTS))
 
 
 class Loop:
@@ -30,7 +34,11 @@ class Loop:
         self._judge = Judge(course.stance, course.criteria)
         self._metrics = Metrics()
         plant.reset(course.q, course.dq, course.stance)
-        controller.reset(course.stance)
+        self._broken = ""
+        try:
+            controller.reset(course.stance)
+        except ControllerFailed as error:
+            self._broken = str(error)
         self._fallback = False
         self._pushed = False
         self._followed = 0.0
@@ -66,6 +74,9 @@ class Loop:
     def _walk(self, progress: Progress | None, stop: Stop | None) -> tuple[Outcome, FallReason, str]:
         plant, controller, course = self._plant, self._controller, self._course
         judge, metrics = self._judge, self._metrics
+        if self._broken:
+            self._state = plant.state()
+            return Outcome.ERROR, FallReason.NONE, self._broken
         k = 0
         while True:
             observation, state = plant.observe(), plant.state()
@@ -88,7 +99,10 @@ class Loop:
                 return Outcome.INTERRUPTED, FallReason.NONE, interruption
 
             started = time.perf_counter()
-            step = controller.step(observation)
+            try:
+                step = controller.step(observation)
+            except ControllerFailed as error:
+                return Outcome.ERROR, FallReason.NONE, str(error)
             tick_s = time.perf_counter() - started
             forces = active_forces(
                 course.pushes,
@@ -99,6 +113,8 @@ class Loop:
                 period=course.period,
             )
             self._tape.tick(k, state, observation, step, tick_s)
+            if not math.isfinite(step.u_total.dot(_ONES)):
+                return Outcome.ERROR, FallReason.NONE, _not_finite(step, controller)
             self._note(k, step, bool(forces))
             metrics.tick(state, step, judge, tick_s)
             try:
@@ -130,3 +146,8 @@ class Loop:
         if step.fallback and not self._fallback:
             self._tape.event(k, "warning", "fallback", f"saturated ZD+PD for this tick: {step.status}")
         self._fallback = step.fallback
+
+
+def _not_finite(step: ControlStep, controller: Controller) -> str:
+    torques = ", ".join(f"{name} {value:g}" for name, value in zip(JOINTS, step.u_total.tolist(), strict=True))
+    return f"{getattr(controller, 'where', 'the controller')}: commanded torque is not finite: {torques} [N.m]"

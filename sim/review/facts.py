@@ -17,7 +17,7 @@ LONGEST_TEXT = 20_000  # characters of the scenario that are shown
 def scenario_of(run: Run) -> Scenario | None:
     """The scenario of a log, None where it is missing or of another version of the program."""
     try:
-        return from_toml(run.scenario_toml) if run.scenario_toml else None
+        return from_toml(run.scenario_toml, trusted=False) if run.scenario_toml else None
     except ValueError:  # a UserError is one
         return None
 

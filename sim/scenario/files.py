@@ -1,10 +1,12 @@
 """Scenarios as TOML files: shipped ones by name, others by path."""
 
+import contextlib
 import difflib
 import os
 import tomllib
 from pathlib import Path
 
+from controller.outside import inert
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario
 from sim.settings import tree as settings
@@ -18,12 +20,13 @@ def to_toml(scenario: Scenario) -> str:
     return settings.to_toml(scenario)
 
 
-def from_toml(source: str | Path) -> Scenario:
+def from_toml(source: str | Path, *, trusted: bool = True) -> Scenario:
     """A scenario from TOML.
 
     Args:
         source: A `Path` is read as a file, whose name is the scenario's unless it says otherwise; a `str`
             is the TOML text itself.
+        trusted: Whether a controller from outside may be imported to know its settings; else they are as they stand.
 
     Raises:
         UserError: unreadable file, invalid TOML, unknown key, wrong type or illegal value, on one line.
@@ -34,7 +37,8 @@ def from_toml(source: str | Path) -> Scenario:
         tree = tomllib.loads(text)
         if isinstance(source, Path):
             tree.setdefault("name", source.stem)
-        return settings.build(Scenario, tree)
+        with contextlib.nullcontext() if trusted else inert():
+            return settings.build(Scenario, tree)
     except OSError as error:
         raise UserError(f"{where}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

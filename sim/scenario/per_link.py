@@ -1,176 +1,108 @@
 """One value for each link or each joint: the small tables that settings of the plant are made of."""
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
-from controller.units import (
-    NOT_NEGATIVE,
-    Metre,
-    PositiveRatio,
-    Radian,
-    Ratio,
-    Unit,
-)
+from controller.units import NOT_NEGATIVE, Doc, Metre, PositiveRatio, Radian, Ratio, Unit
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BodyFactors:
-    """A factor for each link, 1 for the walker as modelled.
+class PerLimb:
+    """A value for each link of the legs."""
 
-    Attributes:
-        torso: Factor of the torso.
-        left_femur: Factor of the left femur.
-        left_tibia: Factor of the left tibia.
-        right_femur: Factor of the right femur.
-        right_tibia: Factor of the right tibia.
-    """
-
-    torso: PositiveRatio = 1.0
-    left_femur: PositiveRatio = 1.0
-    left_tibia: PositiveRatio = 1.0
-    right_femur: PositiveRatio = 1.0
-    right_tibia: PositiveRatio = 1.0
+    left_femur: float = 0.0
+    left_tibia: float = 0.0
+    right_femur: float = 0.0
+    right_tibia: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BodyMasses:
-    """A mass added to each link, 0 for the walker as modelled.
+class PerLink:
+    """A value for each link."""
 
-    Attributes:
-        torso: Mass added to the torso.
-        left_femur: Mass added to the left femur.
-        left_tibia: Mass added to the left tibia.
-        right_femur: Mass added to the right femur.
-        right_tibia: Mass added to the right tibia.
-    """
-
-    torso: Annotated[float, Unit("kg")] = 0.0
-    left_femur: Annotated[float, Unit("kg")] = 0.0
-    left_tibia: Annotated[float, Unit("kg")] = 0.0
-    right_femur: Annotated[float, Unit("kg")] = 0.0
-    right_tibia: Annotated[float, Unit("kg")] = 0.0
+    torso: float = 0.0
+    left_femur: float = 0.0
+    left_tibia: float = 0.0
+    right_femur: float = 0.0
+    right_tibia: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BodyLengths:
-    """A displacement for each link, 0 for the walker as modelled.
+class PerJoint:
+    """A value for each actuated joint."""
 
-    Attributes:
-        torso: Displacement on the torso.
-        left_femur: Displacement on the left femur.
-        left_tibia: Displacement on the left tibia.
-        right_femur: Displacement on the right femur.
-        right_tibia: Displacement on the right tibia.
+    left_hip: float = 0.0
+    right_hip: float = 0.0
+    left_knee: float = 0.0
+    right_knee: float = 0.0
+
+
+def _each(kind: Any, help: str, default: float = 0.0) -> Callable[[type[T]], type[T]]:
+    """Give every value of a table its unit and range, its help and its default.
+
+    Args:
+        kind: Annotated type of each.
+        help: A sentence with {} for the link or the joint.
+        default: In the unit.
     """
 
-    torso: Metre = 0.0
-    left_femur: Metre = 0.0
-    left_tibia: Metre = 0.0
-    right_femur: Metre = 0.0
-    right_tibia: Metre = 0.0
+    def settle(cls: type[T]) -> type[T]:
+        names = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
+        cls.__annotations__ = {name: Annotated[kind, Doc(help.format(name.replace("_", " ")))] for name in names}
+        for name in names:
+            setattr(cls, name, default)
+        return dataclass(frozen=True, slots=True, kw_only=True)(cls)
+
+    return settle
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LimbFactors:
-    """A factor for each link of the legs, 1 for the walker as modelled.
-
-    Attributes:
-        left_femur: Factor of the left femur.
-        left_tibia: Factor of the left tibia.
-        right_femur: Factor of the right femur.
-        right_tibia: Factor of the right tibia.
-    """
-
-    left_femur: PositiveRatio = 1.0
-    left_tibia: PositiveRatio = 1.0
-    right_femur: PositiveRatio = 1.0
-    right_tibia: PositiveRatio = 1.0
+@_each(PositiveRatio, "Factor of the {}.", 1.0)
+class BodyFactors(PerLink):
+    """A factor for each link, 1 for the walker as modelled."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointFactors:
-    """A factor for each actuated joint, 1 for the walker as modelled.
-
-    Attributes:
-        left_hip: Factor of the left hip.
-        right_hip: Factor of the right hip.
-        left_knee: Factor of the left knee.
-        right_knee: Factor of the right knee.
-    """
-
-    left_hip: Annotated[Ratio, NOT_NEGATIVE] = 1.0
-    right_hip: Annotated[Ratio, NOT_NEGATIVE] = 1.0
-    left_knee: Annotated[Ratio, NOT_NEGATIVE] = 1.0
-    right_knee: Annotated[Ratio, NOT_NEGATIVE] = 1.0
+@_each(Annotated[float, Unit("kg")], "Mass added to the {}.")
+class BodyMasses(PerLink):
+    """A mass added to each link, 0 for the walker as modelled."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointTorques:
-    """A torque for each actuated joint.
-
-    Attributes:
-        left_hip: Torque at the left hip.
-        right_hip: Torque at the right hip.
-        left_knee: Torque at the left knee.
-        right_knee: Torque at the right knee.
-    """
-
-    left_hip: Annotated[float, Unit("N.m"), NOT_NEGATIVE] = 0.0
-    right_hip: Annotated[float, Unit("N.m"), NOT_NEGATIVE] = 0.0
-    left_knee: Annotated[float, Unit("N.m"), NOT_NEGATIVE] = 0.0
-    right_knee: Annotated[float, Unit("N.m"), NOT_NEGATIVE] = 0.0
+@_each(Metre, "Displacement on the {}.")
+class BodyLengths(PerLink):
+    """A displacement for each link, 0 for the walker as modelled."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointInertias:
-    """A reflected inertia for each actuated joint.
-
-    Attributes:
-        left_hip: Inertia at the left hip.
-        right_hip: Inertia at the right hip.
-        left_knee: Inertia at the left knee.
-        right_knee: Inertia at the right knee.
-    """
-
-    left_hip: Annotated[float, Unit("kg.m^2"), NOT_NEGATIVE] = 0.0
-    right_hip: Annotated[float, Unit("kg.m^2"), NOT_NEGATIVE] = 0.0
-    left_knee: Annotated[float, Unit("kg.m^2"), NOT_NEGATIVE] = 0.0
-    right_knee: Annotated[float, Unit("kg.m^2"), NOT_NEGATIVE] = 0.0
+@_each(PositiveRatio, "Factor of the {}.", 1.0)
+class LimbFactors(PerLimb):
+    """A factor for each link of the legs, 1 for the walker as modelled."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointAngles:
-    """An angle for each actuated joint.
-
-    Attributes:
-        left_hip: Angle at the left hip.
-        right_hip: Angle at the right hip.
-        left_knee: Angle at the left knee.
-        right_knee: Angle at the right knee.
-    """
-
-    left_hip: Radian = 0.0
-    right_hip: Radian = 0.0
-    left_knee: Radian = 0.0
-    right_knee: Radian = 0.0
+@_each(Annotated[Ratio, NOT_NEGATIVE], "Factor of the {}.", 1.0)
+class JointFactors(PerJoint):
+    """A factor for each actuated joint, 1 for the walker as modelled."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointRates:
-    """A rate for each actuated joint.
+@_each(Annotated[float, Unit("N.m"), NOT_NEGATIVE], "Torque at the {}.")
+class JointTorques(PerJoint):
+    """A torque for each actuated joint."""
 
-    Attributes:
-        left_hip: Rate at the left hip.
-        right_hip: Rate at the right hip.
-        left_knee: Rate at the left knee.
-        right_knee: Rate at the right knee.
-    """
 
-    left_hip: Annotated[float, Unit("rad/s")] = 0.0
-    right_hip: Annotated[float, Unit("rad/s")] = 0.0
-    left_knee: Annotated[float, Unit("rad/s")] = 0.0
-    right_knee: Annotated[float, Unit("rad/s")] = 0.0
+@_each(Annotated[float, Unit("kg.m^2"), NOT_NEGATIVE], "Inertia at the {}.")
+class JointInertias(PerJoint):
+    """A reflected inertia for each actuated joint."""
+
+
+@_each(Radian, "Angle at the {}.")
+class JointAngles(PerJoint):
+    """An angle for each actuated joint."""
+
+
+@_each(Annotated[float, Unit("rad/s")], "Rate at the {}.")
+class JointRates(PerJoint):
+    """A rate for each actuated joint."""
 
 
 def values(table: object) -> tuple[float, ...]:

@@ -176,14 +176,19 @@ def changes(tree: Any, found: argparse.Namespace) -> dict[str, Any]:
         UserError: names the flag, the value, the unit and what is legal.
     """
     given = {key.removeprefix(PREFIX): value for key, value in vars(found).items() if key.startswith(PREFIX)}
-    rows = {row.path: row.spec for row in settings.table(tree)}
-    rows |= {row.path: row.spec for row in _further_tables(tree, [f"--{path}" for path in given])}
-    read = {path: value for path, value in given.items() if value is not None}
+    words = {path: value for path, value in given.items() if value is not None}
+    read: dict[str, Any] = {}
+    at = tree
     try:
-        for path, value in read.items():
-            if isinstance(value, list):
-                read[path] = from_text(value, rows[path], path)
-        settings.with_values(tree, read)
+        while words:  # again where a word chose a table that the others are for
+            rows = {row.path: row.spec for row in settings.table(at)}
+            rows |= {row.path: row.spec for row in _further_tables(at, [f"--{path}" for path in given])}
+            known = [path for path in words if path in rows]
+            for path in known or list(words):
+                value = words.pop(path)
+                spec = rows[path] if known else settings.spec_at(at, path)
+                read[path] = from_text(value, spec, path) if isinstance(value, list) else value
+            at = settings.with_values(tree, read)
     except UserError as error:
         raise UserError(f"--{error}") from error
     return read

@@ -5,6 +5,7 @@ tuples of any length of float or str, another settings dataclass, and `tuple[Dat
 """
 
 import dataclasses
+import difflib
 import functools
 import inspect
 import math
@@ -16,9 +17,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from controller.units import Range, Unit
+from controller.units import Doc, Range, Unit, Words
 from sim.errors import UserError
 
+TYPES = "bool, int, float, str, a Literal of words, T | None, a tuple of float or str, or a dataclass of these"
 LONGEST_SHOWN = 60  # characters of an illegal value that a message repeats
 
 
@@ -31,6 +33,7 @@ class Spec:
         unit: Symbol of the unit, empty for words and switches.
         range: Legal values, None if every finite one is.
         choices: Legal words, empty if every one is.
+        words: What else is legal beside the choices, None for nothing.
         length: Number of values of a fixed-length tuple, 0 for a single value.
         repeated: Whether the field holds any number of tables, or of values.
         optional: Whether None is legal.
@@ -42,6 +45,7 @@ class Spec:
     unit: str
     range: Range | None
     choices: tuple[str, ...]
+    words: Words | None
     length: int
     repeated: bool
     optional: bool
@@ -57,7 +61,7 @@ class Spec:
     def legal(self) -> str:
         """What may be given, in words, with the unit."""
         if self.choices:
-            return "one of " + ", ".join(self.choices)
+            return "one of " + ", ".join(self.choices) + (f", or {self.words.legal}" if self.words else "")
         noun = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}.get(self.type)
         if self.is_table:
             noun = "an array of tables" if self.repeated else "a table"
@@ -79,8 +83,16 @@ def specs(cls: Any) -> Mapping[str, Spec]:
 @functools.cache
 def _specs(cls: Any) -> Mapping[str, Spec]:
     hints = typing.get_type_hints(cls, include_extras=True)
-    helps = _attribute_helps(cls)
-    return {f.name: _spec(hints[f.name], _default(f), helps.get(f.name, "")) for f in dataclasses.fields(cls)}
+    helps: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        helps |= _attribute_helps(base)
+    found = {}
+    for field in dataclasses.fields(cls):
+        try:
+            found[field.name] = _spec(hints[field.name], _default(field), helps.get(field.name, ""))
+        except TypeError as error:
+            raise UserError(f"{cls.__module__}.{cls.__qualname__}: field {field.name}: {error}") from None
+    return found
 
 
 def _default(field: "dataclasses.Field[Any]") -> Any:
@@ -95,23 +107,38 @@ def _spec(hint: Any, default: Any, help: str) -> Spec:
         hint = next(arg for arg in typing.get_args(hint) if arg is not types.NoneType)
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     repeated = origin is tuple and Ellipsis in args
+    kind = {tuple: args[0] if args else None, typing.Literal: str}.get(origin, hint)
+    if kind not in (bool, int, float, str) and not dataclasses.is_dataclass(kind):
+        raise TypeError(f"type {hint!r}: must be {TYPES}")
+    words = next((note for note in notes if isinstance(note, Words)), None)
     return Spec(
-        type={tuple: args[0] if args else None, typing.Literal: str}.get(origin, hint),
+        type=kind,
         unit=next((note.symbol for note in notes if isinstance(note, Unit)), ""),
         range=next((note for note in notes if isinstance(note, Range)), None),
-        choices=args if origin is typing.Literal else (),
+        choices=args if origin is typing.Literal else words.known if words else (),
+        words=words,
         length=len(args) if origin is tuple and not repeated else 0,
         repeated=repeated,
         optional=optional,
-        help=help,
+        help=next((note.text for note in notes if isinstance(note, Doc)), help),
         default=default,
     )
 
 
 def _attribute_helps(cls: type) -> dict[str, str]:
-    section = (inspect.getdoc(cls) or "").partition("Attributes:\n")[2]
-    entries = re.findall(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", section, flags=re.MULTILINE)
-    return {name: " ".join(text.split()) for name, text in entries}
+    """Sentences of a class' own docstring under "Attributes:", up to where the section ends."""
+    section = inspect.cleandoc(cls.__doc__ or "").partition("Attributes:\n")[2]
+    end = r"^\S" if section[:1].isspace() else r"^(?:[A-Z]\w*:)?$"
+    section = re.split(end, section, maxsplit=1, flags=re.MULTILINE)[0]
+    found: dict[str, str] = {}
+    names: list[str] = []
+    for line in inspect.cleandoc(section).splitlines():
+        entry = re.match(r"((?:\w+, )*\w+)(?: \([^)]*\))?: *(.*)", line)
+        if entry:
+            names, line = entry[1].split(", "), entry[2]
+        for name in names:
+            found[name] = f"{found.get(name, '')} {line.strip()}".strip()
+    return found
 
 
 def leaf(value: Any, spec: Spec, path: str) -> Any:
@@ -122,7 +149,7 @@ def leaf(value: Any, spec: Spec, path: str) -> Any:
     items = value if many else (value,)
     fits = isinstance(items, list | tuple) and (spec.repeated or len(items) == (spec.length or 1))
     if not fits or not all(_fits(item, spec) for item in items):
-        raise UserError(f"{path} = {_shown(value, spec)}: must be {spec.legal}")
+        raise UserError(f"{path} = {_shown(value, spec)}: must be {spec.legal}{_near(value, spec)}")
     items = tuple(spec.type(item) for item in items)
     return items if many else items[0]
 
@@ -140,7 +167,14 @@ def _fits(value: Any, spec: Spec) -> bool:
         if isinstance(value, bool) or not isinstance(value, numbers.Integral):
             return False
         return spec.range is None or int(value) in spec.range
-    return type(value) is spec.type and (not spec.choices or value in spec.choices)
+    if type(value) is not spec.type:
+        return False
+    return not spec.choices or value in spec.choices or (spec.words is not None and spec.words.others(value))
+
+
+def _near(value: Any, spec: Spec) -> str:
+    near = difflib.get_close_matches(value, spec.choices, n=1) if isinstance(value, str) else ()
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _shown(value: Any, spec: Spec) -> str:

@@ -1,7 +1,9 @@
 """A tree of frozen dataclasses as settings: read strictly, changed by dotted path, listed, written as TOML.
 
 Nothing here knows what a setting means. A field's annotation tells its type, unit and range; the `Attributes`
-section of its class tells its help; `sim.settings.spec` reads both.
+section of its class tells its help; `sim.settings.spec` reads both. A class with a class method
+`read_as(table) -> (class, table)` chooses itself by what is in its table; a part of it that another choice does not
+know stays behind when the choice changes (`Carried`).
 """
 
 import dataclasses
@@ -36,16 +38,42 @@ def build(cls: type[T], table: Any, path: str = "") -> T:
     """
     if not isinstance(table, Mapping):
         raise UserError(f"{path} = {table!r}: must be a table with the keys {', '.join(specs(cls))}")
+    chooses: Any = getattr(cls, "read_as", None)
+    if chooses is not None:
+        cls, table = chooses(table)
     for key in table:
-        if key not in specs(cls):
+        if key not in specs(cls) and not _stays_behind(table, key):
             raise UserError(f"{join(path, key)}: unknown key{_hint(key, path, cls)}")
     values = {}
     for name, spec in specs(cls).items():
         if name in table:
             values[name] = _field(table[name], spec, join(path, name))
+        elif spec.default is MISSING and spec.is_table and not spec.repeated:
+            values[name] = build(spec.type, {}, join(path, name))
         elif spec.default is MISSING:
             raise UserError(f"{join(path, name)}: missing; must be {spec.legal}")
-    return cls(**values)
+    built = cls(**values)
+    _remember(built)
+    return built
+
+
+class Carried(dict[str, Any]):
+    """A table that came along with a copy; only what was `given` since must fit the class that is chosen now."""
+
+    def __init__(self, table: Mapping[str, Any]) -> None:
+        """Args: table: what came along."""
+        super().__init__(table)
+        self.given: set[str] = set()
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        self.given.add(key)
+        super().__setitem__(key, value)
+
+
+def _stays_behind(table: Mapping[str, Any], key: str) -> bool:
+    """Whether an unknown key only came along."""
+    value = table[key]
+    return (isinstance(table, Carried) and key not in table.given) or (isinstance(value, Carried) and not value.given)
 
 
 def _field(value: Any, spec: Spec, path: str) -> Any:
@@ -61,8 +89,8 @@ def _field(value: Any, spec: Spec, path: str) -> Any:
 def _hint(key: str, path: str, cls: type) -> str:
     near = difflib.get_close_matches(key, list(specs(cls)), n=1, cutoff=0.5)
     if near:
-        return f"; did you mean {join(path, near[0])}? Legal: {', '.join(specs(cls))}"
-    return f"; legal: {', '.join(specs(cls))}"
+        return f"; did you mean {join(path, near[0])}? Must be one of {', '.join(specs(cls))}"
+    return f"; must be one of {', '.join(specs(cls))}" if specs(cls) else "; it has none"
 
 
 def check(settings: Any) -> None:
@@ -71,8 +99,34 @@ def check(settings: Any) -> None:
     Raises:
         UserError: names the dotted path, the value, the unit and what is legal.
     """
-    for setting in table(settings):
-        leaf(setting.value, setting.spec, setting.path)
+    _check(settings, "")
+
+
+_CHECKED: dict[int, Any] = {}
+"""Tables known to be legal by their identity, which holds as long as they stand here: a copy with one value changed
+shares all other tables with its original, and these are not checked again."""
+MOST_CHECKED = 4096
+
+
+def _remember(table: Any) -> None:
+    if len(_CHECKED) >= MOST_CHECKED:
+        _CHECKED.clear()
+    _CHECKED[id(table)] = table
+
+
+def _check(settings: Any, path: str) -> None:
+    if _CHECKED.get(id(settings)) is settings:
+        return
+    for name, spec in specs(type(settings)).items():
+        value, here = getattr(settings, name), join(path, name)
+        if not spec.is_table:
+            leaf(value, spec, here)
+        elif spec.repeated:
+            for index, item in enumerate(value):
+                _check(item, join(here, str(index)))
+        else:
+            _check(value, here)
+    _remember(settings)
 
 
 def table(settings: Any, path: str = "") -> Iterator[Setting]:
@@ -98,36 +152,50 @@ def spec_at(settings: Any, path: str) -> Spec:
     Raises:
         UserError: no such leaf; the message has the nearest path.
     """
-    cls: Any = type(settings)
+    at: Any = settings  # a table, or the class of one that is not there yet
     spec: Spec | None = None
     for key in path.split("."):
         if spec is not None and (spec.repeated or spec.length) and key.isdecimal():
+            at = at[int(key)] if isinstance(at, tuple) and int(key) < len(at) else spec.type
             spec = dataclasses.replace(spec, repeated=False, length=0)
         elif spec is None or (spec.is_table and not spec.repeated):
-            spec = specs(spec.type if spec is not None else cls).get(key)
+            spec = specs(_class_of(at)).get(key)
+            at = (spec.type if isinstance(at, type) else getattr(at, key)) if spec is not None else at
         else:
             spec = None
         if spec is None:
             break
     if spec is None or spec.is_table or spec.repeated or spec.length:
-        paths = list(_leaf_paths(cls, ""))
+        paths = list(_leaf_paths(settings, ""))
         near = difflib.get_close_matches(path, paths, n=1, cutoff=0.4)
         raise UserError(f"{path}: no such setting" + (f"; did you mean {near[0]}?" if near else ""))
     return spec
 
 
-def _leaf_paths(cls: Any, path: str) -> Iterator[str]:
-    for name, spec in specs(cls).items():
+def _class_of(at: Any) -> Any:
+    return at if isinstance(at, type) else type(at)
+
+
+def _leaf_paths(at: Any, path: str) -> Iterator[str]:
+    for name, spec in specs(_class_of(at)).items():
         here = join(path, name) + (".0" if spec.repeated or spec.length else "")
         if spec.is_table:
-            yield from _leaf_paths(spec.type, here)
+            yield from _leaf_paths(spec.type if spec.repeated or isinstance(at, type) else getattr(at, name), here)
         else:
             yield here
 
 
 def as_tree(settings: Any) -> dict[str, Any]:
     """Settings as nested dicts and lists; `build` is its inverse."""
-    return {name: _plain(getattr(settings, name)) for name in specs(type(settings))}
+    return {
+        name: _plain(getattr(settings, name)) if name not in getattr(settings, "own", ()) else _carried(settings, name)
+        for name in specs(type(settings))
+    }
+
+
+def _carried(settings: Any, name: str) -> Carried:
+    """A table that only the class chosen now has."""
+    return Carried(as_tree(getattr(settings, name)))
 
 
 def _plain(value: Any) -> Any:
@@ -166,7 +234,7 @@ def _child(node: Any, key: str, at: str, path: str) -> Any:
         raise UserError(f"{path}: unknown key; {at} is a single value")
     last = len(node) if not node or isinstance(node[0], dict) else len(node) - 1
     if not re.fullmatch(r"[0-9]+", key) or int(key) > last:
-        raise UserError(f"{path}: {key!r} is no index of {at}; legal: 0 to {last}")
+        raise UserError(f"{path}: {key!r} is no index of {at}; must be 0 to {last}")
     if int(key) == len(node):
         node.append({})
     return node[int(key)]

@@ -11,6 +11,10 @@ LIBRARY = "gait-library.json"
 """Attachment with the gait library; only runs that follow other gaits than their own have it."""
 
 
+LAW = "controller.py"
+"""Attachment with the file of a controller from outside."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelFiles:
     """Files a run is made from.

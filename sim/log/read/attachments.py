@@ -6,13 +6,16 @@ import re
 import tempfile
 import xml.parsers.expat
 from collections.abc import Iterator, Mapping
+from hashlib import sha256
 from pathlib import Path
 
+from controller import outside
+from controller.settings import BUILT_IN
 from sim.errors import UserError
 from sim.log.read.reader import Log
 from sim.scenario import Scenario, from_toml
 from sim.walkers import ModelFiles
-from sim.walkers.model_files import LIBRARY
+from sim.walkers.model_files import LAW, LIBRARY
 
 LONGEST_HORIZON = 2000  # stages; the horizon of a log from elsewhere could ask for any amount of memory
 MOST_SUBSTEPS = 1000
@@ -50,7 +53,11 @@ def scenario_of(log: Log) -> Scenario:
     if "scenario.toml" not in log.attachments:
         raise UserError(f"{log.path} has no attachment scenario.toml: it cannot be run again")
     try:
-        scenario = from_toml(log.attachments["scenario.toml"][1].decode("utf-8"))
+        text = log.attachments["scenario.toml"][1].decode("utf-8")
+        scenario = from_toml(text, trusted=False)
+        if scenario.controller.kind not in BUILT_IN:
+            _check_controller(log, scenario.controller.kind)
+            scenario = from_toml(text)
     except UnicodeDecodeError:
         raise UserError(f"{log.path}: scenario.toml is not UTF-8 text") from None
     horizon = scenario.controller.horizon
@@ -59,6 +66,25 @@ def scenario_of(log: Log) -> Scenario:
     if scenario.substeps > MOST_SUBSTEPS:
         raise UserError(f"{log.path}: {scenario.substeps} physics steps a tick: at most {MOST_SUBSTEPS} are run again")
     return scenario
+
+
+def _check_controller(log: Log, kind: str) -> None:
+    """See, before any code runs, that a controller from outside is here and is the one of the log."""
+    file, text = outside.source_of(kind)
+    then = log.attachments.get(LAW, ("", b""))[1]
+    if file is None:
+        raise UserError(f"{log.path}: its controller {kind} is not here; cmpc log export saves its file, {LAW}")
+    if not then:
+        raise UserError(f"{log.path}: holds no file of its controller {kind}, which {file} could be compared with")
+    if text != then:
+        raise UserError(
+            f"{log.path}: its controller {kind} has changed: {file} has the digest {_digest(text)}, in the log it was "
+            f"{_digest(then)}; cmpc log export saves the log's, {LAW}"
+        )
+
+
+def _digest(text: bytes) -> str:
+    return sha256(text).hexdigest()[:12]
 
 
 @contextlib.contextmanager

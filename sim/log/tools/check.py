@@ -114,7 +114,7 @@ def _attachments(log: Log) -> Iterator[str]:
     for name, (_, data) in log.attachments.items():
         try:
             if name == "scenario.toml":
-                from_toml(data.decode("utf-8"))
+                from_toml(data.decode("utf-8"), trusted=False)
             elif name.endswith(".toml"):
                 tomllib.loads(data.decode("utf-8"))
             elif name.endswith((".xml", ".urdf")):

@@ -1,5 +1,6 @@
 """A plan: what to try, for which controllers, from which seed; frozen dataclasses <-> TOML."""
 
+import contextlib
 import dataclasses
 import difflib
 import hashlib
@@ -10,10 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from controller import outside
+from controller.settings import BUILT_IN
 from controller.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.settings import tree as settings
+from sim.settings.spec import leaf
 from sim.trials.plan.axis import Axis, Value, changes, label, scenario_at
 from sim.trials.plan.grid import GridStudy
 from sim.trials.plan.margin import MarginStudy
@@ -35,7 +39,8 @@ class Plan:
         name: Short name.
         description: One sentence.
         seed: Root of every trial's seed.
-        controllers: Kinds of controller; each is given the same trials.
+        controllers: Kinds of controller; each is given the same trials. One from outside takes of
+            `scenario.controller.settings` what it knows.
         wall_limit: Wall time after which a trial is given up, and its process killed if it does not answer; such a
             trial has no result, it neither survived nor fell.
         retries: How often a trial that ended its process is tried again, alone on a worker.
@@ -60,12 +65,24 @@ class Plan:
     margin: tuple[MarginStudy, ...] = ()
     montecarlo: tuple[MonteCarloStudy, ...] = ()
 
+    @classmethod
+    def read_as(cls, table: Mapping[str, Any]) -> tuple[type["Plan"], Mapping[str, Any]]:
+        """A plan's own class; the scenario has the settings of the first controller from outside, if it names none."""
+        kinds, scenario = table.get("controllers"), table.get("scenario", {})
+        common = scenario.get("controller", {}) if isinstance(scenario, Mapping) else None
+        words = [word for word in kinds if isinstance(word, str)] if isinstance(kinds, list) else []
+        first = next((word for word in words if word not in BUILT_IN and outside.is_named(word)), None)
+        if first is None or not isinstance(common, Mapping) or "kind" in common:
+            return Plan, table
+        return Plan, {**table, "scenario": {**scenario, "controller": {**common, "kind": first}}}
+
     def __post_init__(self) -> None:
         settings.check(self)
-        legal = settings.spec_at(self.scenario, "controller.kind").choices
+        spec = settings.spec_at(self.scenario, "controller.kind")
         for kind in self.controllers:
-            if kind not in legal:
-                raise UserError(f"controllers: {kind!r}: must be one of {', '.join(legal)}")
+            leaf(kind, spec, "controllers")
+            if kind not in BUILT_IN and not outside.is_inert():
+                outside.find(kind)
         if not self.controllers or len(set(self.controllers)) != len(self.controllers):
             raise UserError(f"controllers = {list(self.controllers)}: must be one or more, each once")
         if not self.studies:
@@ -141,18 +158,20 @@ def to_toml(plan: Plan) -> str:
     return settings.to_toml(plan)
 
 
-def from_toml(text: str, where: str = "plan") -> Plan:
+def from_toml(text: str, where: str = "plan", *, trusted: bool = True) -> Plan:
     """A plan from TOML text.
 
     Args:
         text: The text.
         where: What messages call it.
+        trusted: Whether controllers from outside may be imported to know their settings.
 
     Raises:
         UserError: invalid TOML, unknown key, wrong type or illegal value, on one line.
     """
     try:
-        return settings.build(Plan, tomllib.loads(text))
+        with contextlib.nullcontext() if trusted else outside.inert():
+            return settings.build(Plan, tomllib.loads(text))
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
     except ValueError as error:  # TOMLDecodeError is one

@@ -135,7 +135,7 @@ def run_plan(
     if workers is not None and workers < 1:
         raise UserError(f"--workers = {workers}: must be 1 or above")
     folder = Path(out).absolute() if out is not None else None
-    campaign = pools.Campaign(plan=plan, folder=str(folder) if folder else None)
+    campaign = pools.Campaign.of(plan, folder)
     execute = pools.cluster(campaign, client) if client is not None else pools.local(campaign, workers or cores())
     if folder is None:
         return _run(plan, Store(None, write=True), execute, report, stop)
@@ -162,10 +162,11 @@ def cores() -> int:
 
 def _check_plan(plan: Plan, store: Store, folder: Path) -> None:
     there = store.plan()
-    if there is None or there == plan:
+    changed = differences(there, plan) if there is not None else []
+    if not changed:
         return
     raise UserError(
-        f"--out {folder}: holds results of a plan that differs: {_some(differences(there, plan))}. "
+        f"--out {folder}: holds results of a plan that differs: {_some(changed)}. "
         "Use another folder, or --restart, which keeps them as a backup"
     )
 

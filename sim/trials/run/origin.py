@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from controller import outside
+from controller.settings import BUILT_IN
 from sim.log import provenance
 from sim.scenario import Scenario
 from sim.walkers import ModelFiles
@@ -22,14 +24,17 @@ def origin(scenario: Scenario, controller: str) -> str:
 
     Args:
         scenario: The plan's; its walker and gait are meant.
-        controller: Kind, or FILE.py:NAME of one from outside.
+        controller: Its kind; of one from outside, its file counts too.
     """
     return json.dumps(_facts(scenario, controller), sort_keys=True)
 
 
 def _facts(scenario: Scenario, controller: str) -> dict[str, Any]:
     try:
-        files = {str(path): _digest(path) for path in _files(scenario, controller)}
+        files = {str(path): _digest(path) for path in _files(scenario)}
+        if controller not in BUILT_IN:
+            file, text = outside.source_of(controller)
+            files[str(file or controller)] = hashlib.sha256(text).hexdigest()[:16]
     except (ValueError, OSError):  # every trial will say what is missing
         files = {}
     return {
@@ -40,14 +45,11 @@ def _facts(scenario: Scenario, controller: str) -> dict[str, Any]:
     }
 
 
-def _files(scenario: Scenario, controller: str) -> Iterable[Path]:
+def _files(scenario: Scenario) -> Iterable[Path]:
     files = ModelFiles.of(scenario)
     fits = scenario.controller.gait_fitting.enabled
     yield from files.read if fits else (files.mjcf, files.urdf, files.gait)
     yield from _included(files.mjcf)
-    own = Path(controller.rpartition(":")[0])
-    if own.suffix == ".py":
-        yield own
 
 
 def _included(model: Path) -> Iterable[Path]:

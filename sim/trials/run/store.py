@@ -134,7 +134,7 @@ class Store:
         """The plan the results belong to, None before there is one."""
         with self._as_user_error():
             row = self._db.execute("SELECT value FROM meta WHERE key = 'plan'").fetchone()
-        return plans.from_toml(row[0], f"plan stored in {self._where}") if row else None
+        return plans.from_toml(row[0], f"plan stored in {self._where}", trusted=False) if row else None
 
     def set_plan(self, plan: Plan) -> None:
         """Remember the plan."""

@@ -6,7 +6,6 @@ import functools
 import json
 import math
 import os
-import re
 import threading
 import time
 from dataclasses import dataclass
@@ -15,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from controller import outside
+from controller.settings import BUILT_IN
 from sim.errors import UserError
 from sim.interface import JOINTS
 from sim.loop import Outcome, RunSummary, Tape
@@ -98,7 +99,9 @@ def trial_scenario(plan: Plan, controller: str, index: int) -> Scenario:
         "controller.kind": controller,
         "seed": trial_seed(plan, index),
     }
-    return scenario_at(plan.scenario, merged | own)
+    if plan.scenario.controller.kind in BUILT_IN:
+        return scenario_at(plan.scenario, merged | own)
+    return scenario_at(scenario_at(plan.scenario, merged), own)  # settings that this controller has not stay behind
 
 
 def run_trial(spec: TrialSpec) -> TrialResult:
@@ -160,6 +163,8 @@ def _disk_full(error: BaseException | None) -> bool:
 
 def warm_up(spec: TrialSpec) -> None:
     """Compile and load what a trial needs, once a process, so that it is not on the trial's clock."""
+    if spec.controller not in BUILT_IN:
+        return  # one from outside may count its ticks
     scenario = spec.plan.scenario
     _warm_up(scenario.walker, scenario.gait, spec.controller, scenario.controller.solver)
 
@@ -209,8 +214,7 @@ def _run(scenario: Scenario, spec: TrialSpec, deadline: float, tape: Tape) -> tu
 
 
 def _log_name(spec: TrialSpec) -> str:
-    kind = re.sub(r"[^\w.-]+", "-", spec.controller)  # one from outside is a path
-    return f"{kind}-{spec.index}.mcap"
+    return f"{outside.file_label(spec.controller)}-{spec.index}.mcap"
 
 
 def _kept_log(spec: TrialSpec) -> str:

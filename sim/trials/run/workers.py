@@ -9,10 +9,13 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from controller import outside
+from controller.settings import BUILT_IN
 from sim.errors import UserError
 from sim.log import provenance
 from sim.runner import End, Ended, Pool
@@ -44,14 +47,27 @@ class Campaign:
     Attributes:
         plan: The plan.
         folder: Of the results; None to keep no logs.
+        sources: Text of the file of each controller from outside by its kind: a worker may have another, or none.
     """
 
     plan: Plan
     folder: str | None
+    sources: Mapping[str, bytes] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, plan: Plan, folder: Path | None) -> "Campaign":
+        """The campaign of a plan, whose controllers from outside are as they stand now."""
+        sources = {kind: outside.find(kind).text for kind in plan.controllers if kind not in BUILT_IN}
+        return cls(plan=plan, folder=str(folder) if folder else None, sources=sources)
 
     def spec(self, trial: Id) -> TrialSpec:
         """One of its trials."""
         return TrialSpec(plan=self.plan, controller=trial[0], index=trial[1], logs=self.logs)
+
+    def arrive(self) -> None:
+        """Let a worker process use the controllers from outside as they stood when the campaign began."""
+        for kind, text in self.sources.items():
+            outside.remember(kind, text)
 
     @property
     def logs(self) -> str | None:
@@ -60,10 +76,12 @@ class Campaign:
 
 
 def _prepare(campaign: Campaign, trial: Id) -> None:
+    campaign.arrive()
     warm_up(campaign.spec(trial))
 
 
 def _work(campaign: Campaign, trial: Id) -> tuple[TrialResult, str]:
+    campaign.arrive()
     result = run_trial(campaign.spec(trial))
     return result, origin(campaign.plan.scenario, trial[0])
 
@@ -105,7 +123,7 @@ def local(campaign: Campaign, workers: int) -> Execute:
 def _warm(campaign: Campaign) -> None:
     """Compile and load once, for all workers to come; what is the user's own code is left to them."""
     for kind in campaign.plan.controllers:
-        if ":" not in kind:
+        if kind in BUILT_IN:
             spec = campaign.spec((kind, 0))
             nursery().warm(warm_up, (spec,), origin(campaign.plan.scenario, kind))
 

@@ -1,0 +1,211 @@
+"""A controller from outside as the loop knows controllers: what it gives is checked, where it breaks is said."""
+
+import contextlib
+import dataclasses
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from controller.belief import Gait, StanceEstimator, WalkerModel, kernels
+from controller.belief.closed_loop import outputs
+from controller.compiled import compiled
+from controller.errors import ControllerFailed, UserError
+from controller.outside import Outside, place
+from controller.records import JOINTS, ControlStep, Observation
+
+_SHAPES = {
+    "u_total": (4,),
+    "u_zd": (4,),
+    "u_mpc": (4,),
+    "y": (4,),
+    "dy": (4,),
+    "contact_force": (2,),
+    "residuals": (3,),
+}
+_LEGS = ("left", "right")
+_TORQUE = f"4 numbers [N.m], ordered {', '.join(JOINTS)}"
+
+PATIENCE = 60.0  # [s] a controller from outside may take over one tick, its first with whatever it compiles
+
+
+class Hung(BaseException):
+    """Raised in the midst of code that takes too long, past whatever it catches."""
+
+
+@contextlib.contextmanager
+def hangs_end(controller: Any) -> Iterator[None]:
+    """End a tick of a controller from outside that takes longer than `PATIENCE`; in a main thread of POSIX alone."""
+    watched = controller.inner if isinstance(getattr(controller, "inner", None), Guarded) else controller
+    main = threading.current_thread() is threading.main_thread()
+    if not isinstance(watched, Guarded) or not main or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def look(signum: int, frame: object) -> None:
+        if watched.since and monotonic() - watched.since > PATIENCE:
+            raise Hung(f"no answer within {PATIENCE:g} s")
+
+    before = signal.signal(signal.SIGALRM, look)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE / 8, PATIENCE / 8)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+class Guarded:
+    """Its `step` may return a torque (4,) alone; stance leg, outputs and clock of the gait are then worked out here."""
+
+    def __init__(self, inner: Any, outside: Outside, model: WalkerModel, gait: Gait) -> None:
+        """Put the parts together.
+
+        Args:
+            inner: What the factory gave.
+            outside: Where it comes from.
+            model: The walker believed in.
+            gait: The gait whose outputs are logged.
+
+        Raises:
+            UserError: it has no `reset` or no `step`.
+        """
+        for name in ("reset", "step"):
+            if not callable(getattr(inner, name, None)):
+                raise UserError(
+                    f"controller {outside.kind}: its factory gave {_kind(inner)}, which has no {name}(); "
+                    "must have reset(stance) and step(observation)"
+                )
+        self.inner = inner
+        self._kind, self._file = outside.kind, outside.file
+        code = getattr(getattr(inner.step, "__func__", inner.step), "__code__", None)
+        at = f" ({code.co_filename}, line {code.co_firstlineno})" if code else ""
+        self.where = f"controller {outside.kind}: step(){at}"
+        self.since = 0.0  # [s] when the code outside was entered, 0 while it is not
+        self._stance = StanceEstimator(model)
+        self._gait = gait
+        _outputs(gait.table, gait.q_minus, gait.dq_minus)  # compiled, or loaded, before the first tick
+        self._lacks_follow = not callable(getattr(inner, "follow", None))
+
+    def reset(self, stance: str) -> None:
+        """Forget the past; `stance` is the leg that stands now, "left" or "right".
+
+        Raises:
+            ControllerFailed: it broke.
+        """
+        self._stance.reset(stance)
+        try:
+            self.since = monotonic()
+            self.inner.reset(stance)
+        except (Exception, SystemExit, Hung) as error:
+            raise self._failed("reset", error) from error
+        finally:
+            self.since = 0.0
+
+    def follow(self, gait: Gait, rate_change: Any) -> None:
+        """Follow another gait from now on.
+
+        Raises:
+            UserError: it cannot.
+        """
+        if self._lacks_follow:
+            raise UserError(
+                f"controller.gait_fitting.enabled: controller {self._kind} has no follow(gait, rate_change)"
+            )
+        self._gait = gait
+        self.inner.follow(gait, rate_change)
+
+    def step(self, observation: Observation) -> ControlStep:
+        """One tick.
+
+        Raises:
+            ControllerFailed: it broke, or what it gave is no torque.
+        """
+        try:
+            self.since = monotonic()
+            given = self.inner.step(observation)
+        except (Exception, SystemExit, Hung) as error:
+            raise self._failed("step", error) from error
+        finally:
+            self.since = 0.0
+        if isinstance(given, ControlStep):
+            return self._checked(given)
+        try:
+            u = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            u = np.empty(0)
+        if u.shape != (4,):
+            raise ControllerFailed(f"{self.where} gave {_kind(given)}; must be {_TORQUE}, or a ControlStep")
+        return self._of(u, observation)
+
+    def _of(self, u: np.ndarray, observation: Observation) -> ControlStep:
+        state = self._stance.update(observation)
+        theta, dtheta, y, dy = _outputs(self._gait.table, state.q, state.dq)
+        return ControlStep(
+            stance=state.leg.value,
+            u_total=u,
+            y=y,
+            dy=dy,
+            theta=theta,
+            dtheta=dtheta,
+            s=self._gait.normalised(theta),
+        )
+
+    def _checked(self, step: ControlStep) -> ControlStep:
+        changed: dict[str, Any] = {}
+        for name, shape in _SHAPES.items():
+            value = getattr(step, name)
+            if type(value) is not np.ndarray or value.dtype != np.float64:
+                try:
+                    value = changed[name] = np.array(value, dtype=float)
+                except (TypeError, ValueError):
+                    raise self._wrong(f"ControlStep.{name} is {_kind(value)}", shape) from None
+            if value.shape != shape:
+                raise self._wrong(f"ControlStep.{name} is {_kind(value)}", shape)
+        if step.stance not in _LEGS:
+            raise ControllerFailed(
+                f"controller {self._kind}: ControlStep.stance = {step.stance!r}: must be left or right"
+            )
+        if step.diagnostics:
+            self._check_diagnostics(step.diagnostics)
+        return dataclasses.replace(step, **changed) if changed else step
+
+    def _check_diagnostics(self, given: Any) -> None:
+        if not isinstance(given, Mapping):
+            raise ControllerFailed(
+                f"controller {self._kind}: ControlStep.diagnostics is {_kind(given)}; "
+                'must be a dict such as {"push [N]": 3.0}'
+            )
+        for name, value in given.items():
+            if not isinstance(name, str) or not isinstance(value, int | float | np.number):
+                raise ControllerFailed(
+                    f"controller {self._kind}: ControlStep.diagnostics[{name!r}] is {_kind(value)}; must be a number"
+                )
+
+    def _failed(self, method: str, error: BaseException) -> ControllerFailed:
+        return ControllerFailed(f"controller {self._kind}: {method}(): {place(error, self._file)}")
+
+    def _wrong(self, what: str, shape: tuple[int, ...]) -> ControllerFailed:
+        return ControllerFailed(f"{self.where} gave {what}; must be an array of {shape[0]} numbers")
+
+
+@compiled
+def _outputs(gait, q, dq):  # type: ignore[no-untyped-def]
+    """Clock, its rate, outputs and theirs, Eq. (5)."""
+    stage = kernels.new_stage()
+    theta, dtheta = outputs(gait, q, dq, stage)
+    return theta, dtheta, stage.y, stage.dy
+
+
+def _kind(value: Any) -> str:
+    """What a value is, in a few words."""
+    if value is None:
+        return "None"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, list | tuple):
+        return f"a {type(value).__name__} of {len(value)}"
+    return f"{value!r:.40}" if isinstance(value, str | int | float) else f"a {type(value).__name__}"

@@ -1,0 +1,278 @@
+"""Controllers from outside: everything takes them, and what they do wrong is one line that names file and line."""
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from controller import guard, outside
+from sim import cli
+from sim.bridge.run import run_scenario
+from sim.errors import UserError
+from sim.log.read import read_log
+from sim.log.read.attachments import scenario_of
+from sim.scenario import Scenario, from_toml, to_toml, with_value, with_values
+from sim.settings.tree import spec_at
+from sim.trials.plan.plan import from_toml as plan_from_toml
+from sim.trials.run import run_plan
+from sim.trials.run.trial import trial_scenario
+
+PD = '''
+from dataclasses import dataclass
+from typing import Annotated
+
+from controller.belief import StanceEstimator
+from controller.units import POSITIVE, Unit
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Attributes:
+        kp: Stiffness of each joint,
+            the same for all.
+    """
+
+    kp: Annotated[float, Unit("N.m/rad"), POSITIVE] = 300.0
+    kd: Annotated[float, Unit("N.m.s/rad"), POSITIVE] = 20.0
+
+
+class Pd:
+    def __init__(self, model, gait, settings: Settings):
+        self.gait, self.settings, self.stance = gait, settings, StanceEstimator(model)
+
+    def reset(self, stance):
+        self.stance.reset(stance)
+
+    def step(self, observation):
+        state = self.stance.update(observation)
+        h, slope, _ = self.gait.desired(self.gait.clock @ state.q)
+        y, dy = state.q[:4] - h, state.dq[:4] - slope * (self.gait.clock @ state.dq)
+        return state.leg.from_body(-self.settings.kp * y - self.settings.kd * dy)
+
+
+make = Pd
+'''
+
+TICKS = """
+class Odd:
+    def reset(self, stance):
+        self.k = 0
+        {reset}
+
+    def step(self, observation):
+        self.k += 1
+        {step}
+
+
+def make():
+    return Odd()
+"""
+
+
+@pytest.fixture
+def pd(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PD)
+    return "./mine.py:make"
+
+
+def odd(folder, step="return [0.0] * 4", reset="pass"):
+    path = folder / "odd.py"
+    path.write_text(TICKS.format(step=step, reset=reset))
+    return f"{path}:make"
+
+
+def walk(kind, log=None, **changes):
+    return run_scenario(with_values(Scenario(steps=2), {"controller.kind": kind, **changes}), log=log)
+
+
+def test_a_file_a_module_an_object_and_a_name_installed_are_the_same_controller(pd, monkeypatch, tmp_path):
+    first = walk(pd)
+    assert first.outcome == "completed" and 0.0 < first.output_error_rms_rad < 0.1
+    monkeypatch.syspath_prepend(str(tmp_path))
+    made = outside.find(pd).factory
+    monkeypatch.setattr(outside, "_entry_points", lambda: {"pd-of-mine": "mine:make"})
+    given = outside.give(made)
+    for kind in ("mine.py", "mine:Pd", "pd-of-mine", given):
+        assert walk(kind).state_digest == first.state_digest, kind
+
+
+def test_its_settings_are_keys_flags_and_paths_with_units_and_help(pd):
+    scenario = with_values(Scenario(), {"controller.kind": pd, "controller.settings.kp": 250})
+    assert from_toml(to_toml(scenario)) == scenario and scenario.controller.settings.kp == 250.0
+    spec = spec_at(scenario, "controller.settings.kp")
+    assert (spec.unit, spec.help) == ("N.m/rad", "Stiffness of each joint, the same for all.")
+    for text, words in {
+        f'[controller]\nkind = "{pd}"\n[controller.settings]\nkp = -1.0\n': "controller.settings.kp = -1.0 N.m/rad",
+        f'[controller]\nkind = "{pd}"\n[controller.settings]\nkq = 1.0\n': "did you mean controller.settings.kp?",
+        '[controller]\nkind = "zd-pd"\n[controller.settings]\nkp = 1.0\n': "controller.settings: unknown key",
+    }.items():
+        with pytest.raises(UserError, match=r"controller\.settings") as refused:
+            from_toml(text)
+        assert words in str(refused.value)
+    assert with_value(scenario, "controller.kind", "zd-pd") == with_value(Scenario(), "controller.kind", "zd-pd")
+
+
+def test_the_command_line_takes_its_settings(pd, capsys):
+    argv = ["run", "undisturbed", "--controller", pd, "--steps", "1", "--no-log", "--json"]
+    results = []
+    for more in ([], ["--controller.settings.kp", "250"]):
+        assert cli.main([*argv, *more]) == 0
+        results.append(json.loads(capsys.readouterr().out)["state_digest"])
+    assert results[0] != results[1]
+    assert cli.main([*argv, "--controller.settings.kq", "250"]) == 2
+    assert "did you mean --controller.settings.kp?" in capsys.readouterr().err
+    assert cli.main(["run", "--controller", pd, "--help"]) == 0
+    assert "--controller.settings.kp N.m/rad" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    {
+        "return [0.0] * 4 if self.k < 3 else 1 / 0": ["ZeroDivisionError", "odd.py, line 9"],
+        "return [0.0] * (4 if self.k < 9 else 3)": ["a list of 3", "4 numbers [N.m]", "odd.py, line 7"],
+        "return None": ["None", "4 numbers"],
+        "return 'left'": ["'left'", "4 numbers"],
+        "return [0.0, float('nan'), 0.0, 0.0]": ["not finite", "right_hip nan", "odd.py, line 7"],
+        "return [0.0, 0.0, float('inf'), 0.0]": ["not finite", "left_knee inf"],
+        "raise ValueError('two\\nlines')": ["ValueError: two lines"],
+        "raise SystemExit(3)": ["SystemExit: 3", "odd.py, line 9"],
+        "while True: pass": ["no answer within", "odd.py, line 9"],
+    }.items(),
+)
+def test_what_breaks_in_a_tick_is_an_error_with_its_place_and_a_readable_log(
+    tmp_path, monkeypatch, capsys, step, words
+):
+    monkeypatch.setattr(guard, "PATIENCE", 0.4)
+    log = tmp_path / "x.mcap"
+    assert cli.main(["run", "--controller", odd(tmp_path, step), "--log", str(log), "--json", "--quiet"]) == 1
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["outcome"] == "error" and summary["fall_reason"] == ""
+    for word in words:
+        assert word in summary["message"]
+    assert read_log(log).metadata["result"]["outcome"] == "error"
+
+
+@pytest.mark.parametrize(
+    "step", ["return [0, 0, 0, 0]", "import numpy; return numpy.zeros(4, int)", "return (0.0,) * 4"]
+)
+def test_four_numbers_of_any_kind_are_a_torque(tmp_path, step):
+    assert walk(odd(tmp_path, step)).outcome == "fell"
+
+
+def test_a_reset_that_breaks_is_an_error_of_the_run(tmp_path):
+    summary = walk(odd(tmp_path, reset="raise KeyError(stance)"))
+    assert summary.outcome == "error" and "reset(): KeyError: 'left'" in summary.message and "line 5" in summary.message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    {
+        "def make(:\n": ["SyntaxError", "line 1"],
+        "import nowhere_at_all\n": ["ModuleNotFoundError", "line 1"],
+        "def build(): pass\n": ["has no factory 'make'", "it has build"],
+        "def make(model, plan): pass\n": ["asks for 'plan'", "model, gait"],
+        "def make(): return 3\n": ["gave 3", "reset(stance) and step(observation)"],
+        "def make(): raise OSError('no weights')\n": ["OSError: no weights", "line 1"],
+        "import sys; sys.exit(1)\n": ["ends the program"],
+        "from dataclasses import *\n@dataclass\nclass S:\n    x: dict = None\ndef make(s: S): pass\n": ["field x"],
+    }.items(),
+)
+def test_what_cannot_be_made_is_refused_before_the_run(tmp_path, capsys, text, words):
+    (tmp_path / "odd.py").write_text(text)
+    assert cli.main(["run", "--controller", f"{tmp_path / 'odd.py'}:make", "--no-log"]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.startswith("cmpc: error: ") and err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+@pytest.mark.parametrize("kind", ["c-mcp", "nowhere.module:make", "./none.py:make", "python:Gone", ":", "a:"])
+def test_a_controller_that_is_not_there_is_refused(kind, capsys):
+    assert cli.main(["run", "--controller", kind, "--no-log"]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and kind in err
+    assert ("did you mean c-mpc?" in err) == (kind == "c-mcp")
+
+
+def test_a_log_is_read_without_its_code_and_run_again_only_with_it(pd, tmp_path, capsys):
+    log = tmp_path / "run.mcap"
+    walk(pd, log, **{"controller.settings.kp": 280.0})
+    assert cli.main(["replay", str(log), "--quiet"]) == 0
+    assert "identical" in capsys.readouterr().out
+    assert cli.main(["replay", str(log), "--controller.settings.kp", "290", "--log", "b.mcap", "--json"]) == 0
+    capsys.readouterr()
+    assert cli.main(["log", "check", str(log)]) == 0 and cli.main(["log", "info", str(log)]) == 0
+    assert cli.main(["review", str(log), "--out", "page.html"]) == 0
+    (tmp_path / "mine.py").write_text(PD + "# changed\nopen('ran', 'w').close()\n")
+    with pytest.raises(UserError, match="has changed"):
+        scenario_of(read_log(log))
+    (tmp_path / "mine.py").unlink()
+    with pytest.raises(UserError, match="is not here"):
+        scenario_of(read_log(log))
+    capsys.readouterr()
+    assert cli.main(["log", "check", str(log)]) == 0 and cli.main(["review", str(log), "--out", "page2.html"]) == 0
+    assert not (tmp_path / "ran").exists()
+    code = "import sys; from sim.log.read import read_log; from sim.review.facts import *; "
+    code += "from sim.log.read.frames import *; log = read_log(sys.argv[1])"
+    subprocess.run([sys.executable, "-c", code, str(log)], check=True, cwd=ROOT)
+
+
+def test_a_scenario_goes_to_another_process_with_the_text_of_its_controller(pd, tmp_path):
+    scenario = with_values(Scenario(), {"controller.kind": pd, "controller.settings.kp": 250.0})
+    sent = pickle.dumps(scenario)
+    (tmp_path / "mine.py").unlink()
+    code = "import pickle, sys; print(pickle.loads(sys.stdin.buffer.read()).controller.settings.kp)"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], input=sent, capture_output=True, check=True, env=environment)
+    assert done.stdout.decode().strip() == "250.0"
+
+
+PLAN = """
+controllers = ["{kind}", "c-mpc", "{odd}"]
+log_every = 2
+[scenario]
+steps = 1
+[scenario.controller.settings]
+kd = 25.0
+[[grid]]
+name = "gain"
+[[grid.axes]]
+paths = ["controller.settings.kp"]
+values = [200.0, 300.0]
+"""
+
+
+def test_trials_take_it_beside_a_built_in_and_its_faults_cost_one_trial(pd, tmp_path):
+    broken = odd(tmp_path, "return [0.0] * (4 if self.k < 9 else 3)")
+    plan = plan_from_toml(PLAN.format(kind=pd, odd=broken))
+    mine, theirs = (trial_scenario(plan, kind, 1).controller for kind in (pd, "c-mpc"))
+    assert (mine.settings.kp, mine.settings.kd) == (300.0, 25.0)
+    assert theirs == with_value(Scenario(), "controller.kind", "c-mpc").controller
+    results = run_plan(plan, tmp_path / "out", workers=2)
+    rows = {(row.controller, row.trial): row for row in results}
+    assert [rows[pd, i].outcome for i in range(2)] == [rows["c-mpc", i].outcome for i in range(2)] == ["completed"] * 2
+    assert rows[pd, 0].state_digest != rows[pd, 1].state_digest
+    assert rows["c-mpc", 0].state_digest == rows["c-mpc", 1].state_digest
+    assert rows[broken, 0].outcome == "error" and "odd.py, line 7" in rows[broken, 0].message
+    assert len(list((tmp_path / "out" / "logs").glob("*.mcap"))) == 3
+    results.store.close()
+    (tmp_path / "mine.py").write_text(PD + "# changed\n")
+    with pytest.raises(UserError, match=r"found with something else: file .*mine.py"):
+        run_plan(plan, tmp_path / "out", workers=1)
+
+
+@pytest.mark.parametrize("kind", ["zd-pd", "c-mpc"])
+def test_a_built_in_controller_that_gives_no_number_is_an_error_too(tmp_path, kind):
+    changes = {"sensors.rate_bias.left_knee": -1e308, "controller.kp": (1e308,) * 4, "controller.kd": (1e308,) * 4}
+    log = tmp_path / "nan.mcap"
+    with np.errstate(all="ignore"):
+        summary = walk(kind, log, time_limit=0.2, **changes)
+    assert summary.outcome in ("error", "fell")
+    if summary.outcome == "error":
+        assert "not finite" in summary.message and read_log(log).metadata["result"]["outcome"] == "error"
