@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test tools check bench trials-proof clean help
+.PHONY: run test tools check bench docs trials-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -30,6 +30,9 @@ check: $(STAMP)  ## lint, format, types and import contracts
 
 bench: $(STAMP)  ## measure ticks, solves and runs against their targets, or ARGS="--quick"
 	@$(BIN)/cmpc bench $(ARGS)
+
+docs: $(STAMP)  ## draw the picture of docs/architecture.md from the code's imports
+	@$(BIN)/python docs/architecture.py
 
 trials-proof: $(STAMP)  ## the long proofs about campaigns: kills, a cluster, 10,000 trials, full disks
 	@$(BIN)/python -m pytest -m campaign -rA --durations=0 tests/test_trials_campaign.py $(ARGS)

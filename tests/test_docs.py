@@ -1,0 +1,73 @@
+"""The documents say what is true of the code: the picture, the list of places, the paths and commands they name."""
+
+import ast
+import importlib.util
+import re
+
+import pytest
+from conftest import ROOT
+
+from sim.cli import COMMANDS
+
+TEXT = (ROOT / "docs" / "architecture.md").read_text()
+PATH = re.compile(r"`((?:controller|sim|docs|tests|models)/[\w./]+)`")
+
+
+@pytest.fixture(scope="module")
+def drawing():
+    spec = importlib.util.spec_from_file_location("architecture", ROOT / "docs" / "architecture.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_picture_is_that_of_the_imports(drawing):
+    assert (ROOT / "docs" / "architecture.svg").read_text() == drawing.picture(), "make docs draws it again"
+
+
+def test_what_the_picture_leaves_out_follows_from_what_it_shows(drawing):
+    graph, shown = drawing.rooms(), drawing.needed(drawing.rooms())
+    reached = {room: {b for a, b in shown if a == room} for room in graph}
+    for _ in graph:
+        reached = {room: found.union(*(reached[b] for b in found)) for room, found in reached.items()}
+    assert all(graph[room] <= reached[room] for room in graph)
+    levels = drawing.floors(graph)
+    assert all(levels[a] > levels[b] for a in graph for b in graph[a] if a.split(".")[0] == b.split(".")[0])
+
+
+def rows():
+    """(what, path, name) of the list of places."""
+    found = re.findall(r"^\| ([^|]+) \| `([\w./]+)` \| (?:`(\w+)`)? *\|$", TEXT, re.M)
+    assert len(found) >= 20
+    return found
+
+
+@pytest.mark.parametrize("what, path, name", rows())
+def test_each_thing_is_where_the_list_says(what, path, name):
+    tree = ast.parse((ROOT / path).read_text())
+    names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    names |= {
+        part.id
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for part in ast.walk(node.targets[0])
+        if isinstance(part, ast.Name)
+    }
+    assert not name or name in names, (path, sorted(names))
+
+
+@pytest.mark.parametrize("document", ["docs/architecture.md", "CONTRIBUTING.md", "README.md"])
+def test_paths_and_links_of_a_document_exist(document):
+    text = (ROOT / document).read_text()
+    missing = [path for path in PATH.findall(text) if not (ROOT / path).exists()]
+    folder = (ROOT / document).parent
+    missing += [link for link in re.findall(r"\]\(([^)#:]+)\)", text) if not (folder / link).exists()]
+    assert missing == []
+
+
+@pytest.mark.parametrize("document", ["CONTRIBUTING.md", "README.md"])
+def test_commands_and_targets_of_a_document_exist(document):
+    text = (ROOT / document).read_text()
+    assert set(re.findall(r"^cmpc (\w+)", text, re.M)) <= set(COMMANDS)
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
+    assert set(re.findall(r"`make ([a-z-]+)", text)) <= targets
