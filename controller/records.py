@@ -144,7 +144,8 @@ class ControlStep:
         status: How the torque came about, or why the tick fell back to saturated ZD+PD.
         fallback: Whether it did.
         iterations: Solver iterations.
-        residuals: Feasibility, stationarity and complementarity residuals of the solved problem, (3,).
+        residuals: Feasibility, stationarity and complementarity of the torque found, all in [N.m], (3,); infinite if
+            none was found.
         slack: Largest softening of a contact-force row over the horizon in [N].
         active: Active constraints over the horizon.
         solve_s: Wall time in the solver in [s].

@@ -172,7 +172,7 @@ def test_work_is_cheaper_where_work_is_the_cost(model, small):
 @pytest.mark.parametrize(
     ("request_", "words"),
     [
-        (dict(step_length=2.0, speed=0.8), ["step length", "2 m", "legal: below 1.6 m"]),
+        (dict(step_length=2.0, speed=0.8), ["step length", "2 m", "must be below 1.6 m"]),
         (dict(step_length=-0.4, speed=0.8), ["step length", "above 0"]),
         (dict(step_length=0.4, speed=float("nan")), ["speed", "above 0"]),
         (dict(step_length=1.59, speed=0.8), ["1.59 m"]),
@@ -252,7 +252,7 @@ def test_library_is_continuous_in_speed(library):
 
 @pytest.mark.parametrize(("speed", "length", "word"), [(0.3, 0.4, "speed = 0.3"), (0.8, 0.6, "step length = 0.6")])
 def test_outside_the_library_is_refused(library, speed, length, word):
-    with pytest.raises(UserError, match=f"{word}.*legal"):
+    with pytest.raises(UserError, match=f"{word}.*must be"):
         library.gait(speed, length)
 
 

@@ -123,7 +123,7 @@ def test_what_is_no_walker_is_refused(capsys, tmp_path, old, new, words):
 BAD = {
     "impossible speed": (
         ["gait", "design", "--step-length", 0.4, "--speed", TOO_FAST, "--degree", 4],
-        ["nearest", "misses by", "legal"],
+        ["nearest", "misses by", "must be"],
     ),
     "neither speed nor time": (["gait", "design", "--step-length", 0.4], ["--speed", "--step-time"]),
     "degree": (["gait", "design", "--step-length", 0.41, "--speed", 0.8, "--degree", 3], ["degree = 3", "4 to 10"]),

@@ -119,7 +119,7 @@ def test_numbers_that_overflow_are_a_named_fall_back(controller, belief):
 
 
 def test_a_qp_without_answer_falls_back_to_saturated_zd_pd(controller, loop, walking_states, monkeypatch):
-    monkeypatch.setattr(dense_qp, "solve", lambda problem: dense_qp.no_answer(len(problem.q), "no-solution"))
+    monkeypatch.setattr(dense_qp, "solve", lambda problem, applied: dense_qp.no_answer(len(problem.q), "no-solution"))
     for q, dq in walking_states(10):
         step = controller.step(seen(q, dq))
         assert step.fallback and step.status == "no-solution"

@@ -125,7 +125,7 @@ def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
     if made_for != model.fingerprint:
         raise UserError(
             f"{where}: made for the walker {data.get('walker', '?')!r} with fingerprint {made_for!r}, but {model.path} "
-            f"has {model.fingerprint!r}; legal: a gait designed for this walker, see cmpc gait design"
+            f"has {model.fingerprint!r}; must be designed for this walker, see cmpc gait design"
         )
     alpha = _array(data, "alpha", where, rows=N_U)
     gait = Gait.of(
@@ -137,10 +137,10 @@ def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
         dq_minus=_array(data, "dq_minus", where, size=N_Q),
     )
     if gait.clock[-1] == 0.0:
-        raise UserError(f"{where}: clock[4] = 0.0; legal: not 0, the clock must feel the torso angle")
+        raise UserError(f"{where}: clock[4] = 0.0; must not be 0, the clock must feel the torso angle")
     if "degree" in data and data["degree"] != alpha.shape[1] - 1:
         raise UserError(
-            f"{where}: degree = {data['degree']!r} but alpha has {alpha.shape[1]} columns; legal: degree + 1 columns"
+            f"{where}: degree = {data['degree']!r} but alpha has {alpha.shape[1]} columns; must be degree + 1 columns"
         )
     _check_periodic(gait, data, where, model)
     return gait
@@ -152,7 +152,7 @@ def _check_periodic(gait: Gait, data: dict[str, Any], where: str, model: WalkerM
     tolerance_dq = _tolerance(data, "periodicity_tolerance_rad_s", 1e-2, where)
     if not gait.table.theta_span > 0.0:
         raise UserError(
-            f"{where}: clock runs from {gait.theta_plus:.4f} to {gait.theta_minus:.4f} rad; legal: it grows in a step"
+            f"{where}: clock runs from {gait.theta_plus:.4f} to {gait.theta_minus:.4f} rad; it must grow in a step"
         )
     q_plus, dq_plus = gait.post_impact(model)
     start, slope, _ = gait.desired(gait.theta_plus)
@@ -166,14 +166,14 @@ def _check_periodic(gait: Gait, data: dict[str, Any], where: str, model: WalkerM
         worst = float(np.abs(error).max())
         if not worst <= tolerance:
             raise UserError(
-                f"{where}: not periodic, {what} misses the gait by {worst:.3g} {unit}; legal: up to {tolerance} {unit}"
+                f"{where}: not periodic, {what} misses the gait by {worst:.3g} {unit}; must be up to {tolerance} {unit}"
             )
 
 
 def _tolerance(data: dict[str, Any], key: str, default: float, where: str) -> float:
     value = data.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
-        raise UserError(f"{where}: {key} = {value!r}; legal: a number above 0")
+        raise UserError(f"{where}: {key} = {value!r}; must be a number above 0")
     return float(value)
 
 
@@ -181,14 +181,14 @@ def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = Non
     """A finite array of (size,) or (rows, at least 3) from a gait file."""
     legal = f"{size} numbers" if size else f"{rows} rows of equal length, at least 3 coefficients each"
     if key not in data:
-        raise UserError(f"{where}: {key} is missing; legal: {legal}")
+        raise UserError(f"{where}: {key} is missing; must be {legal}")
     try:
         array = np.array(data[key], dtype=float)
     except (TypeError, ValueError) as error:
-        raise UserError(f"{where}: {key} is not an array of numbers; legal: {legal}") from error
+        raise UserError(f"{where}: {key} is not an array of numbers; must be {legal}") from error
     fits = array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
     if not fits:
-        raise UserError(f"{where}: {key} has shape {array.shape}; legal: {legal}")
+        raise UserError(f"{where}: {key} has shape {array.shape}; must be {legal}")
     if not np.isfinite(array).all():
-        raise UserError(f"{where}: {key} holds a value that is not finite; legal: {legal}")
+        raise UserError(f"{where}: {key} holds a value that is not finite; must be {legal}")
     return array

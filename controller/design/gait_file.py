@@ -56,7 +56,7 @@ def write(path: Path, text: str) -> None:
     """Write a file whole or not at all.
 
     Raises:
-        UserError: it can not be written.
+        UserError: it cannot be written.
     """
     try:
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:

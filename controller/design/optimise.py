@@ -146,14 +146,14 @@ def _from_start(
 
 def _check(model: WalkerModel, need: Requirements, degree: int) -> None:
     if not 4 <= degree <= 10:
-        raise UserError(f"degree = {degree}; legal: 4 to 10")
+        raise UserError(f"degree = {degree}; must be from 4 to 10")
     for what, value, unit in (("step length", need.step_length, "m"), ("speed", need.speed, "m/s")):
         if not (np.isfinite(value) and value > 0.0):
-            raise UserError(f"{what} = {value} {unit}; legal: above 0 {unit}")
+            raise UserError(f"{what} = {value} {unit}; must be above 0 {unit}")
     reach = 2.0 * model.leg_length
     if need.step_length >= reach:
         raise UserError(
-            f"step length = {need.step_length:g} m; legal: below {reach:.3g} m, the span of both legs of {model.path}"
+            f"step length = {need.step_length:g} m; must be below {reach:.3g} m, the span of both legs of {model.path}"
         )
 
 
@@ -261,7 +261,7 @@ def _complaint(space: Parametrisation, p: Vector, need: Requirements, tried: int
         return f"{request}: {error}"
     missed = [(m.worst / m.scale, m) for m in kept if m.worst < 0.0]
     missed.sort(key=lambda pair: pair[0])
-    parts = [f"{m.name} misses by {-m.worst:.3g} {m.unit}".rstrip() + f" (legal: {m.legal})" for _, m in missed[:3]]
+    parts = [f"{m.name} misses by {-m.worst:.3g} {m.unit}".rstrip() + f" (must be {m.legal})" for _, m in missed[:3]]
     if abs(orbit.speed - need.speed) > 1e-3 * need.speed:
         parts.insert(0, f"the nearest one found walks at {orbit.speed:.3g} m/s")
     return f"{request}: " + "; ".join(parts)

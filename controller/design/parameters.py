@@ -125,7 +125,7 @@ def posture(model: WalkerModel, stance_knee: float, swing_knee: float, torso: fl
     along = (stance**2 - swing**2 + length**2) / (2.0 * length)
     height = stance**2 - along**2
     if not height > 0.0:
-        raise NoPosture(f"legs of {stance:.3f} and {swing:.3f} m can not stand {length:.3f} m apart")
+        raise NoPosture(f"legs of {stance:.3f} and {swing:.3f} m cannot stand {length:.3f} m apart")
     height = np.sqrt(height)
     q = np.empty(5)
     # From hip to foot: (x, z) = r (-sin phi, cos phi); the virtual leg's angle less its lean is the femur's.

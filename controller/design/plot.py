@@ -36,7 +36,7 @@ def plot(path: Path, model: WalkerModel, gait: Gait, orbit: Orbit) -> None:
         orbit: Its periodic orbit.
 
     Raises:
-        UserError: matplotlib is missing, or the file can not be written.
+        UserError: matplotlib is missing, or the file cannot be written.
     """
     figure, axes = panels(path)
     figure.suptitle(
@@ -84,7 +84,7 @@ def save(path: Path, figure: Any) -> None:
     """Write a figure; the file's ending says the format.
 
     Raises:
-        UserError: it can not be written.
+        UserError: it cannot be written.
     """
     try:
         figure.savefig(path, dpi=110)

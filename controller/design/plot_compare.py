@@ -24,7 +24,7 @@ def plot_comparison(path: Path, model: WalkerModel, found: Comparison) -> None:
         found: The two gaits.
 
     Raises:
-        UserError: matplotlib is missing, or the file can not be written.
+        UserError: matplotlib is missing, or the file cannot be written.
     """
     figure, axes = panels(path)
     figure.suptitle(f"{found.second.name} (drawn through) against {found.first.name} (dashed)")

@@ -56,11 +56,11 @@ class GaitFamily:
 
         Raises:
             UserError: the gait's clock is not the library's, its speed or step length are outside of the
-                library, or the library's gaits can not be mixed with it.
+                library, or the library's gaits cannot be mixed with it.
         """
         if not np.array_equal(gait.clock, CLOCK):
             raise UserError(
-                f"gait {gait.name!r}: clock = {gait.clock.tolist()}; legal where gaits are fitted: {CLOCK.tolist()}"
+                f"gait {gait.name!r}: clock = {gait.clock.tolist()}; where gaits are fitted it must be {CLOCK.tolist()}"
             )
         model, degree = library.model, max(library.degree, gait.alpha.shape[1] - 1)
         space = Parametrisation(model=model, degree=degree, step_length=None)
@@ -69,7 +69,7 @@ class GaitFamily:
         apart = middle - space.vector(library.gait(own.speed, own.step_length))
 
         def outward(end: float) -> list[tuple[Gait, Orbit]]:
-            """Members from the own speed to the library's end of it, up to the first that can not be walked."""
+            """Members from the own speed to the library's end of it, up to the first that cannot be walked."""
             found: list[tuple[Gait, Orbit]] = []
             for away in np.linspace(0.0, 1.0, math.ceil(abs(end - own.speed) / SPEED_STEP) + 1):
                 there = space.vector(library.gait((1.0 - away) * own.speed + away * end, own.step_length))
@@ -90,8 +90,8 @@ class GaitFamily:
         speeds = np.array([orbit.speed - own.speed for _, orbit in members])
         if len(members) < 2:
             raise UserError(
-                f"gait {gait.name!r}: mixed with the gait library it gives no other gaits; legal where gaits are "
-                "fitted: a gait nearer to the library's"
+                f"gait {gait.name!r}: mixed with the gait library it gives no other gaits; where gaits are "
+                "fitted it must be nearer to the library's"
             )
         speeds[at] = 0.0  # the own gait's to the bit
         momentum = np.array([_momentum(orbit) for _, orbit in members])
@@ -99,7 +99,7 @@ class GaitFamily:
         q_minus = np.array([member.q_minus for member, _ in members])
         dq_minus = np.array([member.dq_minus for member, _ in members])
         rate = np.array([np.polynomial.polynomial.polyfit(orbit.s, orbit.dtheta, DEGREE) for _, orbit in members])
-        # What the free numbers can not say of the own gait, such as the rounding of a printed table, fades likewise.
+        # What the free numbers cannot say of the own gait, such as the rounding of a printed table, fades likewise.
         near = np.concatenate((np.linspace(0.0, 1.0, at + 1), np.linspace(1.0, 0.0, len(members) - at)[1:]))
         return cls(
             gait=gait,

@@ -71,7 +71,7 @@ class GaitLibrary:
                     raise UserError(f"{folder}: the library has no {file_name(length, speed)}")
                 if gait.alpha.shape[1] - 1 != degree:
                     raise UserError(
-                        f"{found[length, speed]}: degree {gait.alpha.shape[1] - 1}; legal: {degree}, as its neighbours"
+                        f"{found[length, speed]}: degree {gait.alpha.shape[1] - 1}; must be {degree}, as its neighbours"
                     )
                 vectors[i, j] = space.vector(gait)
         return cls(model=model, lengths=np.array(lengths), speeds=np.array(speeds), vectors=vectors, degree=degree)
@@ -118,7 +118,7 @@ def _between(what: str, unit: str, grid: Vector, value: float) -> tuple[int, flo
     """Cell and weight of a value on an ascending grid."""
     if not grid[0] - NEARLY <= value <= grid[-1] + NEARLY:
         raise UserError(
-            f"{what} = {value:g} {unit}; legal: {grid[0]:g} to {grid[-1]:g} {unit}, the range of the gait library"
+            f"{what} = {value:g} {unit}; must be from {grid[0]:g} to {grid[-1]:g} {unit}, the range of the gait library"
         )
     if len(grid) == 1:
         return 0, 0.0

@@ -1,6 +1,5 @@
 """`c-mpc-ltv`: the cascade on the closed loop's own linearisation, with the clock's rate in the cost."""
 
-import math
 import time
 from dataclasses import dataclass
 
@@ -142,7 +141,7 @@ class LtvCascade(Law):
             status=_status(figures),
             fallback=not figures.found,
             iterations=abs(figures.sweeps),
-            residuals=residuals(w.problem, w.state) if figures.found else np.full(3, math.nan),
+            residuals=residuals(w.problem, w.state) if figures.found else np.full(3, np.inf),
             slack=figures.excess,
             active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
             solve_s=solve_s,

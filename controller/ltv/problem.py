@@ -63,10 +63,11 @@ def new_state(N: int, r: int) -> LtvState:
 
 @compiled
 def residuals(p: LtvProblem, s: LtvState) -> Array:
-    """Feasibility, stationarity and complementarity at stage 0, where the torque is applied, (3,).
+    """Feasibility, stationarity and complementarity of the torque applied now in [N.m], (3,).
 
-    Feasibility is the torque beyond its box in [N.m]; stationarity the largest gradient by a free first torque in
-    [1/(N.m)]; complementarity the largest product of a bound's multiplier with the distance from it.
+    As `qp.residuals.Residuals` has them, for stage 0 alone: the torque beyond its box; the largest gradient by a free
+    torque; of a torque at a bound the push against it or the distance from it, whichever is smaller. Gradients are
+    divided by R.
     """
     out = np.zeros(3)
     for i in range(4):
@@ -74,10 +75,11 @@ def residuals(p: LtvProblem, s: LtvState) -> Array:
         g = s.H0[i, 4]
         for j in range(4):
             g += s.H0[i, j] * s.u[0, j]
+        g /= p.R[i]
         out[0] = max(out[0], u - p.upper[i], p.lower[i] - u)
         if s.fixed[i] == FREE:
             out[1] = max(out[1], abs(g))
         else:
             distance = p.upper[i] - u if s.fixed[i] == AT_UPPER else u - p.lower[i]
-            out[2] = max(out[2], abs(g) * abs(distance))
+            out[2] = max(out[2], min(abs(g), abs(distance)))
     return out

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from controller.qp.problem import Solution, Solver, SparseSolver, StageQP
+from controller.qp.problem import Solution, Solver, StageQP
 from controller.qp.solvers import make_solver
+from controller.qp.sparse import SparseSolver
 from controller.records import Vector
 
 REFINE_FROM = 1e-5  # [N.m] apart in the first torque

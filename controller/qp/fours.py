@@ -1,7 +1,7 @@
 """Vectors and matrices of four as tuples, which compiled code keeps in registers.
 
 A stage of the horizon has four states and four torques. Small arrays would be stored and loaded again between any
-two operations, since the compiler can not know that they do not overlap; tuples of tuples are plain numbers to it.
+two operations, since the compiler cannot know that they do not overlap; tuples of tuples are plain numbers to it.
 """
 
 from typing import Any

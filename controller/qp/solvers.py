@@ -3,12 +3,13 @@
 import qpsolvers
 
 from controller.errors import UserError
-from controller.qp.problem import Solver, SparseSolver
+from controller.qp.problem import Solver
 from controller.qp.riccati_solver import RiccatiSolver
+from controller.qp.sparse import SparseSolver
 
 RICCATI = "riccati"
 NEXT_IN_LINE = ("piqp", "clarabel")
-"""Solvers that a problem goes to which `riccati` can not settle."""
+"""Solvers that a problem goes to which `riccati` cannot settle."""
 
 
 def available() -> tuple[str, ...]:
@@ -28,7 +29,7 @@ def make_solver(name: str, N: int, r: int) -> Solver:
         UserError: unknown or not installed solver.
     """
     if name not in available():
-        raise UserError(f"controller.solver = {name!r}; legal: one of {', '.join(available())}")
+        raise UserError(f"controller.solver = {name!r}; must be one of {', '.join(available())}")
     if name == RICCATI:
         return RiccatiSolver(N, r, tuple(SparseSolver(other, N) for other in NEXT_IN_LINE))
     return SparseSolver(name, N)

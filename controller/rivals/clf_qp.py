@@ -35,6 +35,7 @@ from scipy.linalg import solve_continuous_are
 from controller.belief.friction import Friction, matrix
 from controller.records import Status, Vector
 from controller.rivals import dense_qp
+from controller.rivals.dense_qp import Applied
 from controller.rivals.law import Decision
 from controller.rivals.output_dynamics import OutputDynamics
 from controller.settings import ClfSettings
@@ -94,7 +95,11 @@ class ClfQp:
 
     def decide(self, dynamics: OutputDynamics) -> Decision:
         """Build and solve the QP of one tick."""
-        answer = dense_qp.solve(self.problem(dynamics))
+        problem = self.problem(dynamics)
+        per_x = np.zeros((4, len(problem.q)))
+        per_x[:, :4] = np.linalg.inv(dynamics.decoupling)
+        applied = Applied(dynamics.torque(np.zeros(4)), per_x, 0.5 * per_x, self.limit, row=1)  # mu costs mu' mu
+        answer = dense_qp.solve(problem, applied)
         mu, delta, softening = answer.x[:4], answer.x[4], answer.x[5:]
         eta = np.concatenate([dynamics.y, dynamics.dy])
         guaranteed = self.lyapunov.rate * self.lyapunov.value(eta)

@@ -25,6 +25,7 @@ from scipy.linalg import solve_discrete_are
 
 from controller.records import Vector
 from controller.rivals import dense_qp
+from controller.rivals.dense_qp import Applied
 from controller.rivals.law import Decision
 from controller.rivals.output_dynamics import OutputDynamics
 from controller.settings import OutputMpcSettings
@@ -118,10 +119,14 @@ class OutputMpc:
         # Cost of one output: v' quadratic v + 2 v' linear (y_0, dy_0) + constant.
         self.quadratic = np.eye(N) + np.einsum("njk,kjm->nm", weighted, forced)
         self.linear = np.einsum("njk,kjm->nm", weighted, free)
+        self.inverse = np.linalg.inv(self.quadratic)[:1]  # (1, N)
+        self.first = np.eye(4, 4 * N)  # the first torque among all
 
     def decide(self, dynamics: OutputDynamics) -> Decision:
         """Build and solve the QP of one tick."""
-        answer = dense_qp.solve(self.problem(dynamics))
+        A = dynamics.decoupling
+        inverse = np.kron(self.inverse, np.linalg.inv(A.T @ A))  # of the cost, (4, 4 N): rows of the first torque
+        answer = dense_qp.solve(self.problem(dynamics), Applied(np.zeros(4), self.first, inverse, self.limit))
         u = answer.x.reshape(self.N, 4)
         return Decision(
             v=dynamics.drift + dynamics.decoupling @ u[0],

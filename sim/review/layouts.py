@@ -81,7 +81,7 @@ TABS: Mapping[str, tuple[LayoutPlot, ...]] = {
         LayoutPlot("active constraints [1]", {"/mpc.active": "active", "/mpc.iterations": "iterations"}),
         LayoutPlot("softening of the contact rows [N]", {"/mpc.slack": "largest"}),
         LayoutPlot(
-            "residuals [1]",
+            "residuals [N.m]",
             {f"/mpc.residual.{name}": name for name in ("primal", "dual", "gap")},
         ),
     ),

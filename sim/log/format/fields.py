@@ -132,7 +132,9 @@ MPC = ChannelTable(
     "/mpc",
     "Mpc",
     (
-        *_group("residual", ("primal", "dual", "gap"), "1", "residual of the solved problem"),
+        *_group(
+            "residual", ("primal", "dual", "gap"), "N.m", "feasibility, stationarity, complementarity of the torque"
+        ),
         Field("slack", Kind.DOUBLE, "N", "largest softening of a contact-force row over the horizon"),
         Field("iterations", Kind.INT32, "1", "solver iterations"),
         Field("active", Kind.INT32, "1", "active constraints over the horizon"),
