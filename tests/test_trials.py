@@ -1,10 +1,12 @@
 """Campaigns: pure trials, the same results whoever runs them, nothing lost to a kill, one line for bad input."""
 
+import contextlib
 import dataclasses
 import errno
 import html
 import json
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -356,7 +358,207 @@ def test_a_second_campaign_in_the_same_folder_is_refused(plan: Plan, tmp_path: P
         pass
 
 
+GRID = PLAN.split("[[margin]]")[0]
+
+
+def test_trials_given_up_are_no_falls_and_can_be_tried_again(tmp_path: Path, capsys) -> None:
+    """With a wall limit that no trial keeps; then with a wide one, which changes no result."""
+    plan, out = from_toml(GRID.replace("[scenario]", "wall_limit = 1e-6\n[scenario]")), tmp_path / "out"
+    with run_plan(plan, out, workers=2).store as store:
+        assert {row.outcome for row in store.results()} == {"gave up"} and store.counts()["zd-pd"].unknown == 5
+    assert cli.main(["trials", "report", str(out)]) == 0
+    shown = capsys.readouterr().out
+    page = (out / "report.html").read_text()
+    assert "survives 0 of 0" in shown and "5 trials have no result" in shown
+    assert "0 walked, 0 fell, 5 without a result" in page and "5 have no result" in page
+    assert cli.main(["trials", "retry", str(out), "--workers", "1", "--quiet", "--wall-limit", "100"]) == 0
+    with Store(out / FILE) as store:
+        assert {row.outcome for row in store.results()} == {"completed", "fell"} and len(store.done()) == 5
+
+
+def test_results_of_another_origin_are_refused_unless_told(tmp_path: Path) -> None:
+    plan, out = from_toml(GRID), tmp_path / "out"
+    run_plan(plan, out, workers=1).store.close()
+    with Store(out / FILE, write=True) as store:
+        (facts,) = store.origins().values()
+        assert any("rabbit.xml" in name for name in json.loads(facts)["files"])
+        store._db.execute("DELETE FROM trials WHERE trial = 2")
+        store._db.execute("UPDATE origins SET key = 'old', facts = ?", (facts.replace('"numpy": "', '"numpy": "0.'),))
+        store._db.execute("UPDATE trials SET origin = 'old'")
+    with pytest.raises(UserError, match=r"found with something else: numpy 0\.\d.*--mix"):
+        run_plan(plan, out, workers=1)
+    with run_plan(plan, out, workers=1, mix=True).store as store:
+        assert len(store.done()) == 5 and len(store.origins_of("zd-pd")) == 2
+
+
+def test_an_edited_gait_is_another_origin(tmp_path: Path) -> None:
+    gait = tmp_path / "paper.toml"
+    text = (Path(__file__).parent.parent / "models/rabbit/gaits/paper.toml").read_text()
+    gait.write_text(text)
+    plan = from_toml(GRID.replace("[scenario]", f'[scenario]\ngait = "{gait}"'))
+    one = dataclasses.replace(plan, grid=(dataclasses.replace(plan.grid[0], axes=(_fewer(plan.grid[0].axes[0]),)),))
+    run_plan(one, tmp_path / "out", workers=1).store.close()
+    gait.write_text(text + "# edited")
+    with pytest.raises(UserError, match=r"file .*paper\.toml: \w+ -> \w+"):
+        run_plan(one, tmp_path / "out", workers=1)
+
+
+def _fewer(axis):
+    return dataclasses.replace(axis, count=1)
+
+
+def test_no_two_trials_have_the_same_seed() -> None:
+    plan = from_toml(PLAN.replace("trials = 12", "trials = 5000"))
+    seeds = [trial_seed(plan, index) for index in range(5000)]
+    assert len(set(seeds)) == len(seeds)
+
+
+def test_the_first_interrupt_ends_a_campaign(tmp_path: Path) -> None:
+    """In the middle of long trials; SIGHUP, of a connection that is lost, as Ctrl-C."""
+    text = PLAN.replace("steps = 1", "steps = 2000\ntime_limit = 3600")
+    for signum, code in ((signal.SIGINT, 130), (signal.SIGHUP, 129)):
+        out = tmp_path / signum.name
+        command = [sys.executable, "-m", "sim", "trials", write(tmp_path, text), "--out", str(out), "--workers", "2"]
+        process = subprocess.Popen(command, cwd=Path(__file__).parent.parent, stderr=subprocess.PIPE, text=True)
+        while not (out / FILE).exists() and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(2.0)
+        process.send_signal(signum)
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == code and err.count("\n") == 1 and signum.name in err, err
+
+
+DAMAGE = {
+    "empty": lambda db: db.write_bytes(b""),
+    "header": lambda db: db.write_bytes(b"x" * 100 + db.read_bytes()[100:]),
+    "half": lambda db: db.write_bytes(db.read_bytes()[: db.stat().st_size // 2]),
+    "zeros in the middle": lambda db: db.write_bytes(db.read_bytes()[:4096] + bytes(8192) + db.read_bytes()[12288:]),
+    "page size": lambda db: db.write_bytes(db.read_bytes()[:16] + b"\x00\x07" + db.read_bytes()[18:]),
+    "text": lambda db: db.write_text("no database " * 1000),
+    "no meta": "DROP TABLE meta",
+    "no plan": "DELETE FROM meta",
+    "a plan that is none": "UPDATE meta SET value = 'x = ' WHERE key = 'plan'",
+    "a plan of another version": "UPDATE meta SET value = 'colour = 1' WHERE key = 'plan'",
+    "a plan that is a blob": "UPDATE meta SET value = x'ff00fe' WHERE key = 'plan'",
+    "no trials": "DROP TABLE trials",
+    "another column": "ALTER TABLE trials ADD COLUMN colour TEXT",
+    "a column less": "ALTER TABLE trials DROP COLUMN steps",
+    "words for a number": "UPDATE trials SET steps = 'many'",
+    "values that are none": "UPDATE trials SET \"values\" = '{'",
+    "values of another kind": "UPDATE trials SET \"values\" = '[1]'",
+    "a cause that is none": "UPDATE trials SET cause = 'magic', evidence = '{}'",
+    "criteria that are none": "UPDATE trials SET judged_by = '[]'",
+    "a blob": "UPDATE trials SET outcome = x'ff'",
+}
+
+
+@pytest.fixture(scope="module")
+def small_results(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("results") / "out"
+    run_plan(from_toml(GRID), out, workers=1).store.close()
+    return out
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damaged_results_are_one_line(damage: str, small_results: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(small_results, out)
+    how = DAMAGE[damage]
+    if callable(how):
+        how(out / FILE)
+    else:
+        with contextlib.closing(sqlite3.connect(out / FILE)) as db:
+            db.execute(how)
+            db.commit()
+    again = ["trials", str(tmp_path / "small.toml"), "--out", str(out), "--workers", "1", "--quiet"]
+    write(tmp_path, GRID)
+    codes = []
+    for argv in (["trials", "show", str(out), "--trial", "zd-pd/0"], ["trials", "report", str(out)], again):
+        codes.append(cli.main(argv))
+        err = capsys.readouterr().err
+        assert codes[-1] in (0, 2) and err.count("\n") == (codes[-1] == 2), err
+    assert codes[1] == 2  # what is damaged is never shown as if it were whole
+
+
+def test_results_on_a_disk_that_cannot_be_written_are_shown(small_results: Path, monkeypatch, capsys) -> None:
+    """SQLite cannot make its shared memory there."""
+    connect = sqlite3.connect
+
+    def read_only(place, *rest, **how):
+        if "mode=ro" in str(place) and "immutable" not in str(place):
+            raise sqlite3.OperationalError("unable to open database file")
+        return connect(place, *rest, **how)
+
+    monkeypatch.setattr(sqlite3, "connect", read_only)
+    assert cli.main(["trials", "show", str(small_results), "--trial", "zd-pd/0"]) == 0
+    assert "outcome" in capsys.readouterr().out
+
+
+def test_the_results_of_a_killed_campaign_are_shown_there_too(small_results: Path, tmp_path: Path, monkeypatch) -> None:
+    """The write-ahead log that it left has results which the file lacks."""
+    shutil.copytree(small_results, tmp_path / "out")
+    file, connect = tmp_path / "out" / FILE, sqlite3.connect
+    with contextlib.closing(connect(file, isolation_level=None)) as db:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute("UPDATE trials SET message = 'late'")
+        shutil.copytree(tmp_path / "out", tmp_path / "left")
+
+    def read_only(place, *rest, **how):
+        if "mode=ro" in str(place):
+            raise sqlite3.OperationalError("unable to open database file")
+        return connect(place, *rest, **how)
+
+    monkeypatch.setattr(sqlite3, "connect", read_only)
+    with Store(tmp_path / "left" / FILE) as store:
+        assert {row.message for row in store.results()} == {"late"}
+
+
+def test_names_from_a_plan_do_not_break_its_page(tmp_path: Path, capsys) -> None:
+    """`</title><script>`, escape sequences of terminals, folders in names of plots."""
+    assert cli.main(["trials", write(tmp_path, UGLY), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+    for name in ("report.html", "breaks.html"):
+        page = (tmp_path / "out" / name).read_text()
+        assert "<script>alert" not in page and "<img src=x" not in page and "<svg onload" not in page
+        assert page.count("</title>") == page.count("<title>")
+    assert {path.parent for path in (tmp_path / "out").rglob("*.svg")} == {tmp_path / "out/plots"}
+
+
+UGLY = """
+name = "<script>alert(1)</script>"
+description = "<img src=x onerror=alert(2)>"
+controllers = ["zd-pd"]
+[scenario]
+steps = 1
+time_limit = 0.05
+[[margin]]
+name = "</title><script>alert(3)</script>"
+[[margin.axes]]
+name = "\\"><svg onload=alert(4)> ../../x"
+paths = ["plant.mass_factor.torso"]
+nominal = 1.0
+low = 0.5
+high = 2.0
+tolerance = 0.2
+scale = "log"
+scan = 1
+typical = 1.1
+[[montecarlo]]
+name = "mc<b>"
+trials = 3
+[[montecarlo.axes]]
+name = "x\\u001b[31m<i>"
+paths = ["plant.mass_factor.torso"]
+distribution = "uniform"
+low = 0.5
+high = 1.5
+"""
+
+
 AXIS = 'paths = ["plant.ground.slope"]\n'
+RANDOM = 'distribution = "uniform"\nlow = 0\nhigh = 0.1\n'
+ONE = f"[[montecarlo.axes]]\n{AXIS}{RANDOM}"
+MARGIN = f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 0\n"
 BAD = {
     '[[grid]]\n[[grid.axes]]\npaths = ["plant.ground.slop"]\nvalues = [1]': ["did you mean plant.ground.slope"],
     '[[grid]]\n[[grid.axes]]\npaths = ["plant.ground"]\nvalues = [1]': ["plant.ground: no such setting"],
@@ -374,10 +576,23 @@ BAD = {
     f'[[montecarlo]]\n[[montecarlo.axes]]\n{AXIS}distribution = "normal"': ["needs centre and spread [rad]"],
     f'[[montecarlo]]\n[[montecarlo.axes]]\n{AXIS}distribution = "gauss"': ["one of normal, uniform"],
     "[[montecarlo]]\ntrials = 0": ["trials = 0 trials", "1 or above"],
+    f'[[montecarlo]]\n[[montecarlo.axes]]\npaths = ["seed"]\n{RANDOM}': ["seed is set by each trial"],
+    '[[grid]]\n[[grid.axes]]\npaths = ["controller.kind"]\nwords = ["zd-pd"]': ["controller.kind is set by each trial"],
+    f"[[montecarlo]]\n{ONE}{ONE}": ["two axes are called 'plant.ground.slope'"],
+    f'[[montecarlo]]\n{ONE}{ONE}name = "b"': ["axes 'plant.ground.slope' and 'b' both set plant.ground.slope"],
+    f'[[montecarlo]]\n{ONE}[[montecarlo.axes]]\npaths = ["sensors.angle_noise"]\n{RANDOM}'
+    'also = ["plant.ground.slope = 0.1"]': ["also sets plant.ground.slope", "axis 'plant.ground.slope' sets"],
+    f'[[montecarlo]]\n{ONE}also = ["seed = 3"]': ["also sets seed, which is set by each trial"],
+    f"[[grid]]\n[[grid.axes]]\n{AXIS}low = 0\nhigh = 0.1\ncount = 3000000": ["3000000 trials", "2000000 or fewer"],
+    f"{MARGIN}low = 0\nhigh = 1e308\ntolerance = 1e-300": ["high = 1e+308", "is more than 1000000 parts"],
+    f"{MARGIN}low = -0.1\nhigh = 0.1\ntolerance = 0.1\ntypical = -1": ["typical = -1: must be above 0, or 0 for none"],
+    '[[margin]]\n[[margin.axes]]\npaths = ["plant.ground.friction"]\nnominal = 0.6\nlow = 0.1\nhigh = 1\n'
+    'tolerance = 0.1\nscale = "log"\ntypical = 1': ["typical = 1", "a ratio above 1"],
     "": ["the plan has no study"],
     'controllers = ["pid"]': ["'pid'", "c-mpc, zd-pd"],
     'also = "x"': ["also: unknown key"],
     "seed = ": ["not valid TOML"],
+    "seed = " + "[" * 5000 + "]" * 5000: ["nested too deeply"],
     "[scenario]\nstep = 3": ["scenario.step", "did you mean scenario.steps"],
 }
 

@@ -134,11 +134,16 @@ def test_draws_have_their_distributions() -> None:
     assert cut.min() >= 0.0 and cut.mean() == pytest.approx(math.sqrt(2 / math.pi), abs=0.04)
 
 
-def test_one_generator_draws_all_axes_of_a_trial_in_order() -> None:
-    one = RandomAxis(paths=SLOPE, distribution="uniform", low=0.0, high=1.0)
-    study = MonteCarloStudy(axes=(one, one))
-    a, b = study.draw(np.random.default_rng(7), Scenario())
-    assert (a, b) == tuple(np.random.default_rng(7).uniform(0.0, 1.0, 2))
+def test_a_draw_depends_on_its_axis_and_not_on_those_beside_it() -> None:
+    one, other, third = (
+        RandomAxis(paths=SLOPE, name=name, distribution="uniform", low=0.0, high=1.0) for name in "abc"
+    )
+    few, more = MonteCarloStudy(axes=(one, other)), MonteCarloStudy(axes=(third, one, other))
+    for number in range(20):
+        assert few.draw(7, number, Scenario()) == more.draw(7, number, Scenario())[1:]
+    drawn = [value for number in range(50) for value in more.draw(7, number, Scenario())]
+    assert len(set(drawn)) == len(drawn)
+    assert few.draw(8, 0, Scenario()) != few.draw(7, 0, Scenario())
 
 
 @pytest.mark.parametrize(

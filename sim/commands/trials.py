@@ -16,6 +16,7 @@ from sim.terminal.console import note
 
 if TYPE_CHECKING:
     from sim.terminal.progress import Update
+    from sim.trials.plan import Plan
     from sim.trials.run import Results
     from sim.trials.run.campaign import Progress, Report
     from sim.trials.run.store import Counts
@@ -26,18 +27,21 @@ also:
   cmpc trials --list                    the plans that come with the program
   cmpc trials show DIR --trial ID       one trial and its figures; ID is CONTROLLER/NUMBER
   cmpc trials report DIR                write the pages, the table and the plots again
+  cmpc trials retry DIR [--errors]      try again what was given up, and what ended in an error
   cmpc trials bench                     trials a second on this machine, against the targets
   cmpc run --from-trial DIR#ID          run one trial again, with its full log
 
-A campaign that was stopped or killed goes on when the same command is given again.
+A campaign that was stopped or killed goes on when the same command is given again. A trial that hangs is killed after
+the plan's wall_limit, one that ends its process is tried again alone (retries); neither counts as a fall.
 
-exit code: 0 complete, 2 bad input, 130 and 143 interrupted by Ctrl-C and SIGTERM
+exit code: 0 complete, whatever the trials found; 2 bad input, a full disk, a lost cluster; 129, 130 and 143 stopped by
+a lost connection, Ctrl-C and SIGTERM
 """
 
 
 def add_parser(commands: Any, argv: Sequence[str]) -> None:
     """Add the parser of `cmpc trials`: of a plan, or of one of the words that are no plan."""
-    others = {"show": _add_show, "report": _add_report, "bench": _add_bench}
+    others = {"show": _add_show, "report": _add_report, "bench": _add_bench, "retry": _add_retry}
     if argv and argv[0] in others:
         actions = commands.add_parser("trials").add_subparsers()
         others[argv[0]](actions.add_parser(argv[0]))
@@ -53,10 +57,15 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser.add_argument("--list", action="store_true", help="list the shipped plans")
     parser.add_argument("--controllers", metavar="LIST", help="not the plan's: kinds with commas between, or all")
     parser.add_argument("--out", metavar="DIR", help="folder of the results, made if missing")
+    parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
+    _add_running(parser)
+
+
+def _add_running(parser: flags.Parser) -> None:
     text = "processes on this machine (default: one a core)"
     parser.add_argument("--workers", type=flags.whole(1), metavar="INT", help=text)
     parser.add_argument("--cluster", metavar="tcp://HOST:PORT", help="run on the Dask cluster of this scheduler")
-    parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
+    parser.add_argument("--mix", action="store_true", help="add to results of other versions, sources or files")
     add_quiet(parser)
 
 
@@ -74,16 +83,22 @@ def _run(found: Namespace) -> int:
         return 0
     if found.plan is None or found.out is None:
         raise UserError("cmpc trials needs a plan and --out DIR; see cmpc trials --help, or --list for plans")
+    from sim.trials.plan import load_plan
+
+    plan = load_plan(found.plan)
+    if found.controllers is not None:
+        plan = replace(plan, controllers=_kinds(found.controllers))
+    return _campaign(plan, Path(found.out), found, restart=found.restart)
+
+
+def _campaign(plan: "Plan", out: Path, found: Namespace, *, restart: bool = False, retry: Sequence[str] = ()) -> int:
+    """Run what is missing of a plan, and write its pages."""
     from sim.terminal.interrupt import stop_on_signal
     from sim.terminal.progress import progress_bar
-    from sim.trials.plan import load_plan
     from sim.trials.run import run_plan
 
     if found.workers is not None and found.cluster is not None:
         raise UserError("--workers and --cluster: must be one of them; a cluster brings its own workers")
-    plan, out = load_plan(found.plan), Path(found.out)
-    if found.controllers is not None:
-        plan = replace(plan, controllers=_kinds(found.controllers))
     client = None
     if found.cluster is not None:
         from sim.trials.run.workers import connect
@@ -96,7 +111,9 @@ def _run(found: Namespace) -> int:
                 out,
                 workers=found.workers,
                 client=client,
-                restart=found.restart,
+                restart=restart,
+                mix=found.mix,
+                retry=retry,
                 report=_reporter(update) if update else None,
                 stop=stop,
             )
@@ -106,7 +123,7 @@ def _run(found: Namespace) -> int:
     if results.interrupted:
         print(f"{results.interrupted}; the same command goes on from here", file=sys.stderr)
         results.store.close()
-        return 128 + stop.signum if stop.signum else 1
+        return 128 + stop.signum
     _finish(results, out)
     results.store.close()
     return 0
@@ -181,11 +198,33 @@ def _open(folder: str) -> "Results":
 def _add_report(parser: flags.Parser) -> None:
     parser.set_defaults(run=_report)
     parser.add_argument("folder", metavar="DIR")
+    parser.add_argument("--out", metavar="DIR", help="where the pages go (default: beside the results)")
 
 
 def _report(found: Namespace) -> int:
-    _finish(_open(found.folder), Path(found.folder))
+    _finish(_open(found.folder), Path(found.out or found.folder))
     return 0
+
+
+def _add_retry(parser: flags.Parser) -> None:
+    parser.set_defaults(run=_retry)
+    parser.add_argument("folder", metavar="DIR")
+    parser.add_argument("--errors", action="store_true", help="try errors again too, not only what was given up")
+    text = "not the plan's: wall time in [s] after which a trial is given up"
+    parser.add_argument("--wall-limit", type=float, metavar="S", help=text)
+    _add_running(parser)
+
+
+def _retry(found: Namespace) -> int:
+    from sim.trials.run.recall import open_results
+    from sim.trials.run.result import ERROR, GAVE_UP
+
+    plan, store = open_results(found.folder)
+    store.close()
+    if found.wall_limit is not None:
+        plan = replace(plan, wall_limit=found.wall_limit)
+    outcomes = (GAVE_UP, ERROR) if found.errors else (GAVE_UP,)
+    return _campaign(plan, Path(found.folder), found, retry=outcomes)
 
 
 def _add_show(parser: flags.Parser) -> None:

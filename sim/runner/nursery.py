@@ -4,9 +4,11 @@ import atexit
 import functools
 import os
 import pickle
+import select
 import socket
 import subprocess
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +18,7 @@ from sim.runner import child
 START_LIMIT = 120.0  # [s] for a template to import what it needs
 WARM_LIMIT = 600.0  # [s] to compile everything, on a busy machine
 REAP_LIMIT = 60.0  # [s]
+SLICE = 0.1  # [s] between looks at the clock
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker has a processor to itself: two libraries with two threads each would be in each other's way."""
 
@@ -69,13 +72,16 @@ class Nursery:
                 return None
             return found
 
-    def warm(self, function: Callable[..., None], arguments: tuple[Any, ...], stamp: str) -> None:
+    def warm(
+        self, function: Callable[..., None], arguments: tuple[Any, ...], stamp: str, stop: Callable[[], object]
+    ) -> None:
         """Make a call in the template once, whose traces all later workers inherit.
 
         Args:
             function: What to call.
             arguments: Its arguments.
             stamp: What its files were; when that changes, a new template begins without a trace of the old ones.
+            stop: Asked while it lasts; anything true ends the template.
         """
         call = pickle.dumps((function, arguments))
         with self._lock:
@@ -85,16 +91,25 @@ class Nursery:
                 self.close()
             known = dict(self._warm)
             try:
-                self._ask((child.WARM, call), WARM_LIMIT)
+                self._ask((child.WARM, call), WARM_LIMIT, stop=stop)
             except Lost:  # the call took the template along; the job that makes it again will tell
                 known.pop(call, None)
             self._warm = known | {call: stamp}
 
-    def _ask(self, request: Any, limit: float, handles: tuple[int, ...] = ()) -> Any:
-        control = self._started()
+    def _ask(
+        self,
+        request: Any,
+        limit: float,
+        handles: tuple[int, ...] = (),
+        stop: Callable[[], object] = lambda: None,
+    ) -> Any:
+        control, until = self._started(), time.monotonic() + limit
         try:
             control.settimeout(limit)
             child.send(control, request, handles)
+            while not select.select([control], [], [], SLICE)[0]:
+                if stop() or time.monotonic() > until:
+                    raise TimeoutError
             return child.receive(control)[0]
         except (OSError, EOFError) as error:  # TimeoutError is one
             self.close()

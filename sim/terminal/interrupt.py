@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a request to stop, so that a run can finish its log."""
+"""Ctrl-C, SIGTERM and a lost connection (SIGHUP) as a request to stop, so that a run can finish its log."""
 
 import signal
 import threading
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StopRequest:
@@ -32,7 +32,7 @@ class StopRequest:
 
 @contextmanager
 def stop_on_signal() -> Iterator[StopRequest]:
-    """Turn SIGINT and SIGTERM into a `StopRequest` while the context lasts (main thread only)."""
+    """Turn SIGINT, SIGTERM and SIGHUP into a `StopRequest` while the context lasts (main thread only)."""
     request = StopRequest()
     if threading.current_thread() is not threading.main_thread():
         yield request

@@ -167,8 +167,8 @@ def score(results: Sequence[TrialResult], plan: Plan) -> Score:
     """
     shares: dict[str, list[float]] = {}
     for result in results:
-        if result.outcome == "error":
-            raise UserError(f"trial {result.trial} of plan {plan.name!r} failed: {result.message}")
+        if not result.known:
+            raise UserError(f"trial {result.trial} of plan {plan.name!r} has no result: {result.message}")
         shares.setdefault(result.study, []).append(result.steps / plan.scenario.steps)
     every = [share for study in shares.values() for share in study]
     return Score(

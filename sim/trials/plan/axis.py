@@ -10,6 +10,9 @@ from sim.settings.spec import Spec, from_text
 
 Value = float | str
 
+SET_BY_TRIAL = ("name", "seed", "controller.kind")
+"""Settings of the scenario that belong to the trial."""
+
 
 class Axis(Protocol):
     """The part every kind of axis shares.
@@ -72,6 +75,45 @@ def _also(lines: Sequence[str], base: Scenario) -> dict[str, Any]:
             raise UserError(f'also = "{line}": must read "path = value"')
         found[path] = from_text([text], settings.spec_at(base, path), path)
     return found
+
+
+def check_axes(where: str, axes: Sequence[Axis], base: Scenario, *, together: bool) -> None:
+    """Refuse axes that would do nothing, or undo one another.
+
+    Args:
+        where: The study, in messages.
+        axes: Its axes.
+        base: The plan's scenario.
+        together: Whether all axes take their values at once.
+
+    Raises:
+        UserError: names the study, the axis and the setting.
+    """
+    names: set[str] = set()
+    owners: dict[str, str] = {}
+    for axis in axes:
+        name = label(axis)
+        if name in names:
+            raise UserError(f"{where}: two axes are called {name!r}; each needs a name of its own")
+        names.add(name)
+        spec_of(axis, base)
+        for path in axis.paths:
+            if path in SET_BY_TRIAL:
+                raise UserError(f"{where}, axis {name!r}: {path} is set by each trial, so the axis would do nothing")
+            if path in owners and (together or owners[path] == name):
+                raise UserError(f"{where}: axes {owners[path]!r} and {name!r} both set {path}; one would do nothing")
+            owners[path] = name
+    settled: dict[str, tuple[str, Any]] = {}
+    for axis in axes:
+        name = label(axis)
+        for path, value in _also(axis.also, base).items():
+            own = path in axis.paths
+            if path in SET_BY_TRIAL or own or (together and path in owners):
+                why = "is set by each trial" if path in SET_BY_TRIAL else f"is what axis {owners[path]!r} sets"
+                raise UserError(f"{where}, axis {name!r}: also sets {path}, which {why}")
+            other, there = settled.setdefault(path, (name, value))
+            if together and there != value:
+                raise UserError(f"{where}: axes {other!r} and {name!r} set {path} to {there} and {value}")
 
 
 def scenario_at(base: Scenario, values: Mapping[str, Any]) -> Scenario:

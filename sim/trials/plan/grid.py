@@ -37,14 +37,21 @@ class GridAxis:
     count: Annotated[int, Unit("values"), NOT_NEGATIVE] = 0
 
     @property
+    def size(self) -> int:
+        """Number of values."""
+        return self.count or len(self.values or self.words)
+
+    @property
     def points(self) -> tuple[Value, ...]:
         """The values, in order."""
-        if self.count == 1:
-            return (self.low,)
-        if self.count:
-            width = (self.high - self.low) / (self.count - 1)
-            return tuple(float(f"{self.low + i * width:.12g}") for i in range(self.count))
-        return self.values or self.words
+        return tuple(self.point(i) for i in range(self.size))
+
+    def point(self, i: int) -> Value:
+        """One of the values."""
+        if not self.count:
+            return (self.values or self.words)[i]
+        width = (self.high - self.low) / (self.count - 1) if self.count > 1 else 0.0
+        return float(f"{self.low + i * width:.12g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,14 +69,14 @@ class GridStudy:
     @property
     def size(self) -> int:
         """Number of trials for each controller."""
-        return math.prod(len(axis.points) for axis in self.axes) if self.axes else 0
+        return math.prod(axis.size for axis in self.axes) if self.axes else 0
 
     def point(self, index: int) -> tuple[Value, ...]:
         """Values of the axes at a trial, index from 0."""
         found: list[Value] = []
         for axis in reversed(self.axes):
-            index, at = divmod(index, len(axis.points))
-            found.append(axis.points[at])
+            index, at = divmod(index, axis.size)
+            found.append(axis.point(at))
         return tuple(reversed(found))
 
     def check(self, base: Scenario) -> None:
@@ -88,6 +95,8 @@ class GridStudy:
                     f"grid {self.name!r}, axis {label(axis)!r}: is empty or given twice; must have either values, "
                     f"words, or low, high and count [{spec.unit or spec.type.__name__}]"
                 )
+            if not (math.isfinite(axis.low) and math.isfinite(axis.high - axis.low)):
+                raise UserError(f"grid {self.name!r}, axis {label(axis)!r}: low and high must be finite [{spec.unit}]")
 
 
 def boundary(points: tuple[Value, ...], survived: list[bool], start: int) -> tuple[int, int] | None:

@@ -115,6 +115,15 @@ class MarginStudy:
                 )
             if axis.scale == "log" and axis.low <= 0.0:
                 raise UserError(f'{where}: low = {axis.low:g} [{spec.unit}]: must be above 0 on a "log" scale')
+            span = math.log(axis.high / axis.low) if axis.scale == "log" else axis.high - axis.low
+            if not (math.isfinite(span) and span <= MOST_POINTS * axis.tolerance * 1.1):
+                raise UserError(
+                    f"{where}: low = {axis.low:g} to high = {axis.high:g} [{spec.unit}] is more than {MOST_POINTS} "
+                    f"parts of tolerance = {axis.tolerance:g}"
+                )
+            if axis.typical < 0.0 or (axis.scale == "log" and 0.0 < axis.typical <= 1.0):
+                least = 'a ratio above 1 on a "log" scale' if axis.scale == "log" else "above 0"
+                raise UserError(f"{where}: typical = {axis.typical:g}: must be {least}, or 0 for none")
             if spec.type is int and not (axis.tolerance.is_integer() and axis.nominal.is_integer()):
                 raise UserError(f"{where}: nominal and tolerance must be whole numbers of {spec.unit}")
             low, high = axis.ends

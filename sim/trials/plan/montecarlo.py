@@ -1,5 +1,6 @@
 """Monte-Carlo study: every axis drawn at random, the same draws for every controller."""
 
+import hashlib
 import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -63,6 +64,12 @@ class RandomAxis:
         raise UserError(f"axis {label(self)!r}: {MOST_REDRAWS} draws lay outside [{low:g}, {high:g}]")
 
 
+def _generator(seed: int, study: str, axis: str, number: int) -> np.random.Generator:
+    name = hashlib.sha256(f"{study}\0{axis}".encode()).digest()
+    words = np.frombuffer(name, dtype=np.uint32)[:4].tolist()
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(*words, number)))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonteCarloStudy:
     """Random trials over several axes at once.
@@ -82,9 +89,21 @@ class MonteCarloStudy:
         """Number of trials for each controller."""
         return self.trials
 
-    def draw(self, generator: np.random.Generator, base: Scenario) -> tuple[Value, ...]:
-        """Values of the axes for one trial."""
-        return tuple(axis.draw(generator, whole=spec_of(axis, base).type is int) for axis in self.axes)
+    def draw(self, seed: int, number: int, base: Scenario) -> tuple[Value, ...]:
+        """Values of the axes for one trial, each from a generator of its own.
+
+        A draw depends on the plan's seed, the names of study and axis, and the trial's number within the study: it
+        stays what it is when other axes or studies are added.
+
+        Args:
+            seed: The plan's.
+            number: Of the trial within the study, from 0.
+            base: The plan's scenario.
+        """
+        return tuple(
+            axis.draw(_generator(seed, self.name, label(axis), number), whole=spec_of(axis, base).type is int)
+            for axis in self.axes
+        )
 
     def check(self, base: Scenario) -> None:
         """Refuse axes that are not legal.
@@ -96,6 +115,11 @@ class MonteCarloStudy:
             raise UserError(f"montecarlo {self.name!r}: has no axes; must have at least one")
         for axis in self.axes:
             unit = spec_of(axis, base).unit
+            given = [
+                value for value in (axis.centre, axis.spread, axis.low, axis.high, *axis.values) if value is not None
+            ]
+            if not all(math.isfinite(value) for value in (*given, (axis.high or 0.0) - (axis.low or 0.0))):
+                raise UserError(f"montecarlo {self.name!r}, axis {label(axis)!r}: its numbers must be finite [{unit}]")
             missing = self._missing(axis)
             if missing:
                 where = f"montecarlo {self.name!r}, axis {label(axis)!r}"

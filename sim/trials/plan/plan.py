@@ -18,12 +18,14 @@ from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.settings import tree as settings
 from sim.settings.spec import leaf
-from sim.trials.plan.axis import Axis, Value, changes, label, scenario_at
+from sim.trials.plan.axis import Axis, Value, changes, check_axes, label, scenario_at
 from sim.trials.plan.grid import GridStudy
 from sim.trials.plan.margin import MarginStudy
 from sim.trials.plan.montecarlo import MonteCarloStudy
 
 SHIPPED = Path(__file__).parent / "shipped"
+
+MOST_TRIALS = 2_000_000  # of a study, for each controller; each could be asked for
 
 Study = GridStudy | MarginStudy | MonteCarloStudy
 
@@ -93,6 +95,10 @@ class Plan:
                 raise UserError(f"study name = {name!r}: is used twice; each study needs a name of its own")
         for study in self.studies:
             study.check(self.scenario)
+            together = not isinstance(study, MarginStudy)
+            check_axes(f"study {study.name!r}", study.axes, self.scenario, together=together)
+            if study.size > MOST_TRIALS:
+                raise UserError(f"study {study.name!r}: has {study.size} trials; must be {MOST_TRIALS} or fewer")
         self._check_ends()
 
     def _check_ends(self) -> None:
@@ -143,7 +149,10 @@ class Plan:
 def _ends(study: Study) -> list[tuple[Axis, list[Value]]]:
     """Every axis of a study with its outermost values."""
     if isinstance(study, GridStudy):
-        return [(axis, list(axis.points)) for axis in study.axes]
+        return [
+            (axis, [axis.point(0), axis.point(axis.count - 1)] if axis.count else list(axis.points))
+            for axis in study.axes
+        ]
     if isinstance(study, MarginStudy):
         return [(axis, [axis.value(position) for position in axis.ends]) for axis in study.axes]
     found: list[tuple[Axis, list[Value]]] = []
@@ -176,6 +185,8 @@ def from_toml(text: str, where: str = "plan", *, trusted: bool = True) -> Plan:
         raise UserError(f"{where}: {error}") from error
     except ValueError as error:  # TOMLDecodeError is one
         raise UserError(f"{where}: is not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise UserError(f"{where}: its tables or arrays are nested too deeply") from error
 
 
 def load_plan(name: str) -> Plan:

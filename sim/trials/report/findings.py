@@ -103,14 +103,26 @@ class Rate:
     Attributes:
         controller: Kind of controller.
         survived: Survivors.
-        trials: Trials.
-        interval: Wilson's 95 % interval of the survival rate.
+        trials: Trials with a result.
+        unknown: Trials without one: errors, and those given up.
+        interval: Wilson's 95 % interval of the survival rate of the trials with a result.
     """
 
     controller: str
     survived: int
     trials: int
+    unknown: int
     interval: tuple[float, float]
+
+    @property
+    def share(self) -> float:
+        """Survivors of the trials with a result, 0 to 1."""
+        return self.survived / self.trials if self.trials else 0.0
+
+    @property
+    def worst(self) -> float:
+        """The same if every trial without a result had fallen."""
+        return self.survived / max(1, self.trials + self.unknown)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +135,7 @@ class RandomFindings:
         pairs: Paired comparison of the reference with each other controller, by its name.
         p: Its p-value, adjusted by Holm's method for the number of comparisons.
         attributions: For each controller, the axes that explain its falls, strongest first.
-        results: Its results by controller.
+        results: Its trials with a result, by controller.
     """
 
     rates: tuple[Rate, ...]
@@ -137,9 +149,10 @@ class RandomFindings:
 def random_findings(results: Results, study: MonteCarloStudy) -> RandomFindings:
     """Survival rates, paired comparisons and attributions of a Monte-Carlo study."""
     start = next(start for start, other in results.plan.offsets() if other is study)
-    found = {c: list(results.store.results(c, start, start + study.size)) for c in results.plan.controllers}
-    found = {controller: rows for controller, rows in found.items() if rows}
-    rates = tuple(_rate(controller, rows) for controller, rows in found.items())
+    every = {c: list(results.store.results(c, start, start + study.size)) for c in results.plan.controllers}
+    every = {controller: rows for controller, rows in every.items() if rows}
+    rates = tuple(_rate(controller, rows) for controller, rows in every.items())
+    found = {controller: [row for row in rows if row.known] for controller, rows in every.items()}
     reference, *others = list(found) or [""]
     first = {row.trial: row.survived for row in found.get(reference, ())}
     pairs = {
@@ -164,8 +177,14 @@ def random_findings(results: Results, study: MonteCarloStudy) -> RandomFindings:
 
 
 def _rate(controller: str, rows: list[TrialResult]) -> Rate:
-    survived = sum(row.survived for row in rows)
-    return Rate(controller=controller, survived=survived, trials=len(rows), interval=stats.wilson(survived, len(rows)))
+    survived, trials = sum(row.survived for row in rows), sum(row.known for row in rows)
+    return Rate(
+        controller=controller,
+        survived=survived,
+        trials=trials,
+        unknown=len(rows) - trials,
+        interval=stats.wilson(survived, trials),
+    )
 
 
 def _numbers(values: list[Value | None]) -> list[float]:

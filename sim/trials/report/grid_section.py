@@ -1,7 +1,7 @@
 """What a page says of a grid study: maps of survival, and where it ends on each line."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 from sim.pages import number
@@ -21,10 +21,16 @@ def grid_section(results: Results, study: GridStudy) -> dict[str, Any]:
     return {
         "kind": "grid",
         "area": " x ".join(label(axis) for axis in study.axes),
-        "leads": [(name, sum(row.survived for row in found.values()), len(found)) for name, found in rows.items()],
+        "leads": [(name, *_counts(found.values())) for name, found in rows.items()],
         "maps": list(_maps(study, rows)),
         "boundary": _boundary(results, study, rows),
     }
+
+
+def _counts(rows: Collection[TrialResult]) -> tuple[int, int, int]:
+    """Trials that survived, that have a result, and that have none."""
+    survived, known = sum(row.survived for row in rows), sum(row.known for row in rows)
+    return survived, known, len(rows) - known
 
 
 def _maps(study: GridStudy, rows: Rows) -> Iterator[Any]:

@@ -18,6 +18,7 @@ def margin_section(results: Results, study: MarginStudy) -> dict[str, Any]:
     controllers, found = results.plan.controllers, list(sides(results, study))
     return {
         "kind": "margin",
+        "unknown": sum(len(controllers) * sum(end != 0 for end in axis.ends) for axis in study.axes) - len(found),
         "leads": [_lead(found, controller) for controller in controllers],
         "rows": list(_rows(found, study, controllers)),
     }

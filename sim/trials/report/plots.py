@@ -110,7 +110,7 @@ def grid_map(axes: Sequence[GridAxis], rows: Mapping[int, TrialResult], title: s
     with picture(title, 110 + cell * len(across), 62 + cell * len(up), bare=True) as made:
         for index, found in rows.items():
             i, j = divmod(index, len(across))
-            shade = SURVIVED if found.survived else GREY if found.outcome == "error" else FELL
+            shade = SURVIVED if found.survived else FELL if found.fell else GREY
             alpha = 1.0 if found.survived else 0.35 + 0.5 / (1 + found.steps)
             box = made.axes.bar(j, 0.92, 0.92, bottom=i - 0.46, color=shade, alpha=alpha)
             made.title(box[0], f"{number(up[i])} {number(across[j])}: {found.why or 'survived'}".strip())
@@ -128,7 +128,7 @@ def rate_bars(found: RandomFindings) -> "Markup":
     """Survival of each controller with its 95 % interval."""
     with picture("survival rate with 95 % interval", 560, 14 + 24 * len(found.rates), bare=True) as made:
         for row, rate in enumerate(found.rates):
-            share = rate.survived / rate.trials
+            share = rate.share
             made.axes.barh(row, 1.0, color=LIGHT)
             made.axes.barh(row, share, color=colour(row))
             made.axes.plot(rate.interval, (row, row), "|-", color=INK, markersize=8)
@@ -157,6 +157,8 @@ def survival_curve(axis: str, unit: str, rows: Mapping[str, Sequence[TrialResult
     """Share of survivors along one axis, in bins of equal numbers, with 95 % intervals."""
     with picture(f"survival along {axis}", 250, 160) as made:
         for place, found in enumerate(rows.values()):
+            if not found:
+                continue
             ordered = sorted(found, key=lambda row: float(row.axis_values[axis]))
             edges = [round(k * len(ordered) / bins) for k in range(bins + 1)]
             parts = [ordered[a:b] for a, b in pairwise(edges) if b > a]

@@ -8,6 +8,7 @@ from sim.trials.plan import MonteCarloStudy
 from sim.trials.plan.axis import label, spec_of
 from sim.trials.report import plots
 from sim.trials.report.findings import RandomFindings, random_findings
+from sim.trials.report.summary import rate_words
 from sim.trials.run import Results
 
 CURVES = 9  # survival curves that are shown
@@ -26,7 +27,7 @@ def random_section(results: Results, study: MonteCarloStudy) -> dict[str, Any]:
     return {
         "kind": "random",
         "rates": plots.rate_bars(found),
-        "words": " ".join(_rate_words(found)),
+        "words": " ".join(f"{rate_words(rate)}." for rate in found.rates),
         "reference": found.reference,
         "adjusted": ", adjusted for the number of comparisons by Holm's method" if len(found.p) > 1 else "",
         "paired": plots.paired_bars(found) if found.pairs else "",
@@ -38,15 +39,6 @@ def random_section(results: Results, study: MonteCarloStudy) -> dict[str, Any]:
         ],
         "curves": [plots.survival_curve(axis, units[axis], found.results) for axis in curves],
     }
-
-
-def _rate_words(found: RandomFindings) -> Iterator[str]:
-    for rate in found.rates:
-        low, high = rate.interval
-        yield (
-            f"{rate.controller} survives {rate.survived} of {rate.trials}: "
-            f"{100 * rate.survived / rate.trials:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)."
-        )
 
 
 def _pairs(found: RandomFindings) -> Iterator[tuple[Any, ...]]:

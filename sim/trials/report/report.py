@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import heapq
 import html
+import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -119,7 +120,7 @@ def _criteria(results: Results) -> str:
     if not found:
         return ""
     names = ("step_length", "hip_height", "torso_tilt", "stall_time")
-    length, height, tilt, time = (_range([one[name] for one in found]) for name in names)
+    length, height, tilt, time = (_range([one.get(name, math.nan) for one in found]) for name in names)
     depths = [one["scuff_depth"] for one in found if "scuff_depth" in one]
     scuff = f"the swing foot passes {_range(depths)} m below the ground, " if depths else ""
     return (

@@ -1,27 +1,26 @@
 """Statistics of survival: intervals, paired tests, and which axes explain the falls."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-Z95 = 1.959963984540054  # normal quantile of a two-sided 95 % interval
+LEVEL = 0.95  # of every interval
 
 
-def wilson(survived: int, trials: int, z: float = Z95) -> tuple[float, float]:
-    """Wilson's score interval for a proportion.
+def wilson(survived: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % score interval for a proportion; (0, 1), of which nothing is known, without trials.
 
     Args:
         survived: Number of survivors.
-        trials: Number of trials, 1 or more.
-        z: Normal quantile; 95 % by default.
+        trials: Number of trials.
     """
-    p = survived / trials
-    centre = p + z * z / (2 * trials)
-    half = z * math.sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials))
-    scale = 1 + z * z / trials
-    return max(0.0, (centre - half) / scale), min(1.0, (centre + half) / scale)
+    from scipy.stats import binomtest
+
+    if not trials:
+        return 0.0, 1.0
+    found = binomtest(survived, trials).proportion_ci(LEVEL, method="wilson")
+    return float(found.low), float(found.high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,12 +44,13 @@ class Paired:
 
 def mcnemar(pairs: Sequence[tuple[bool, bool]]) -> Paired:
     """Compare paired survivals by McNemar's exact test: of the trials they differ on, half should go each way."""
+    from scipy.stats import binomtest
+
     first = sum(a and not b for a, b in pairs)
     second = sum(b and not a for a, b in pairs)
     both = sum(a and b for a, b in pairs)
     differ = first + second
-    tail = sum(math.comb(differ, k) for k in range(min(first, second) + 1))
-    p = min(1.0, 2 * tail / 2**differ) if differ else 1.0
+    p = float(binomtest(first, differ).pvalue) if differ else 1.0
     return Paired(both=both, first=first, second=second, neither=len(pairs) - both - differ, p=p)
 
 

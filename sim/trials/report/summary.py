@@ -3,9 +3,10 @@
 import dataclasses
 import json
 
+from sim.log.tools.text import printable
 from sim.trials.plan import GridStudy, MarginStudy
 from sim.trials.plan.axis import label
-from sim.trials.report.findings import Side, grid_rows, random_findings, sides, weakest
+from sim.trials.report.findings import Rate, Side, grid_rows, random_findings, sides, weakest
 from sim.trials.run import Results, TrialResult
 from sim.trials.run.store import Counts
 
@@ -32,7 +33,7 @@ def describe(result: TrialResult) -> str:
         if name not in ("controller", "trial", "study", "values") and value not in (None, ""):
             end = next((end for end in _UNITS if name.endswith(end)), "")
             lines.append(f"  {name.removesuffix(end).replace('_', ' '):<24}{_shown(value)}{_UNITS.get(end, '')}")
-    return "\n".join(lines)
+    return "\n".join(printable(line) for line in lines)
 
 
 def _shown(value: object) -> str:
@@ -55,16 +56,15 @@ def summarise(results: Results) -> str:
             lines += _margins(results, study)
         elif isinstance(study, GridStudy):
             for controller, rows in grid_rows(results, study).items():
-                survived = sum(row.survived for row in rows.values())
-                lines.append(f"{study.name}: {controller} survives {survived} of {len(rows)} grid points")
+                survived, known = sum(row.survived for row in rows.values()), sum(row.known for row in rows.values())
+                lines.append(
+                    f"{study.name}: {controller} survives {survived} of {known} grid points"
+                    + (f", {len(rows) - known} without a result" if known < len(rows) else "")
+                )
         else:
             found = random_findings(results, study)
             for rate in found.rates:
-                low, high = rate.interval
-                lines.append(
-                    f"{study.name}: {rate.controller} survives {rate.survived} of {rate.trials}, "
-                    f"{100 * rate.survived / rate.trials:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
-                )
+                lines.append(f"{study.name}: {rate_words(rate)}")
             for other, pair in found.pairs.items():
                 lines.append(
                     f"{study.name}: only {found.reference} survives {pair.first}, only {other} {pair.second}; "
@@ -73,10 +73,25 @@ def summarise(results: Results) -> str:
             for controller, axes in found.attributions.items():
                 if axes and axes[0].strength > 0:
                     lines.append(f"{study.name}: falls of {controller} follow most of all {axes[0].axis}")
-    errors = sum(row.outcome == "error" for row in results)
-    if errors:
-        lines.append(f"{errors} trials ended in an error; see results.csv")
-    return "\n".join(lines)
+    unknown = sum(counts.unknown for counts in results.store.counts().values())
+    if unknown:
+        lines.append(
+            f"{unknown} trials have no result: errors, and trials given up; see results.csv. They are tried again by "
+            "cmpc trials retry DIR --errors"
+        )
+    return "\n".join(printable(line) for line in lines)
+
+
+def rate_words(rate: Rate) -> str:
+    """Survival with its interval over the trials with a result, and the worst case where some have none."""
+    low, high = rate.interval
+    words = (
+        f"{rate.controller} survives {rate.survived} of {rate.trials}, {100 * rate.share:.1f} % "
+        f"(95 %: {100 * low:.1f} to {100 * high:.1f} %)"
+    )
+    if rate.unknown:
+        words += f"; {rate.unknown} without a result, {100 * rate.worst:.1f} % if all of them fell"
+    return words
 
 
 def _margins(results: Results, study: MarginStudy) -> list[str]:

@@ -5,7 +5,7 @@ campaign goes on after a kill as it would have without.
 """
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,9 @@ from sim.trials.run import workers as pools
 from sim.trials.run.origin import origin, origin_differences
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import FILE, LOGS, Counts, Store, locked, set_aside
+
+CHANGE_NO_RESULT = ("wall_limit", "retries", "logs", "log_every", "description")
+"""Settings of a plan that may change while its campaign goes on."""
 
 MOST_DIFFERENCES = 5  # shown when a plan has changed
 
@@ -114,6 +117,7 @@ def run_plan(
     client: Any = None,
     restart: bool = False,
     mix: bool = False,
+    retry: Sequence[str] = (),
     report: Report | None = None,
     stop: Stop | None = None,
 ) -> Results:
@@ -126,6 +130,7 @@ def run_plan(
         client: A `distributed.Client`, to run on its cluster instead.
         restart: Whether to set results of another plan aside instead of refusing.
         mix: Whether to add to results found with other versions, sources or files.
+        retry: Outcomes of trials to try again, their rows forgotten.
         report: Told after each result.
         stop: Asked a few times a second; a reason ends the campaign early.
 
@@ -145,6 +150,8 @@ def run_plan(
         store = Store(folder / FILE, write=True)
         try:
             _check_plan(plan, store, folder)
+            if retry:
+                store.forget(retry)
             if not mix:
                 _check_origins(plan, store, folder, machine=client is None)
             for left_over in (folder / LOGS).glob("*.partial"):
@@ -163,6 +170,7 @@ def cores() -> int:
 def _check_plan(plan: Plan, store: Store, folder: Path) -> None:
     there = store.plan()
     changed = differences(there, plan) if there is not None else []
+    changed = [line for line in changed if line.partition(":")[0] not in CHANGE_NO_RESULT]
     if not changed:
         return
     raise UserError(

@@ -8,9 +8,12 @@ import dataclasses
 import fcntl
 import json
 import os
+import shutil
 import sqlite3
+import tempfile
 import types
 import typing
+import urllib.parse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -49,6 +52,11 @@ _CREATE = (
     + ", ".join(_column(name, _HINTS[name]) for name in _FIELDS)
     + ", PRIMARY KEY (controller, trial)) WITHOUT ROWID"
 )
+_ACCEPTED: dict[Any, tuple[type, ...]] = {float: (int, float), bool: (int,)}
+_KINDS = {
+    name: tuple(kind for one in typing.get_args(hint) or (hint,) for kind in _ACCEPTED.get(one, (one,)))
+    for name, hint in _HINTS.items()
+}
 _INSERT = f"INSERT INTO trials VALUES ({', '.join('?' * len(_FIELDS))})"
 
 
@@ -98,7 +106,7 @@ class Store:
         if path and not write and not path.is_file():
             raise UserError(f"{path}: no results there; run cmpc trials PLAN --out {path.parent} first")
         with self._as_user_error():
-            self._db = sqlite3.connect(path or ":memory:", isolation_level=None)
+            self._db = _writable(path) if write else _readable(path)
             if write:
                 self._db.execute("PRAGMA journal_mode = WAL")
                 self._db.execute("PRAGMA synchronous = NORMAL")
@@ -107,6 +115,8 @@ class Store:
             if version not in (0, VERSION):
                 advice = "use a newer one, or another --out" if version > VERSION else "run them again, with --restart"
                 raise UserError(f"{path}: results of version {version}; this program reads {VERSION}: {advice}")
+            if version == 0 and not write:
+                raise UserError(f"{path}: holds no results; must be the results of a campaign")
             if version == 0:
                 self._create()
 
@@ -134,6 +144,8 @@ class Store:
         """The plan the results belong to, None before there is one."""
         with self._as_user_error():
             row = self._db.execute("SELECT value FROM meta WHERE key = 'plan'").fetchone()
+        if row and not isinstance(row[0], str):
+            raise UserError(f"{self._where}: its plan is damaged: must be TOML text")
         return plans.from_toml(row[0], f"plan stored in {self._where}", trusted=False) if row else None
 
     def set_plan(self, plan: Plan) -> None:
@@ -175,7 +187,11 @@ class Store:
         """What the results were judged by, each set of criteria once; more than one where the walker's size varies."""
         query = "SELECT DISTINCT judged_by FROM trials WHERE judged_by != '' ORDER BY judged_by"
         with self._as_user_error():
-            return [json.loads(text) for (text,) in self._db.execute(query)]
+            found = [text for (text,) in self._db.execute(query)]
+        try:
+            return [{str(name): float(value) for name, value in json.loads(text).items()} for text in found]
+        except (ValueError, TypeError, AttributeError) as error:
+            raise UserError(f"{self._where}: a row is damaged: judged_by: {error}") from error
 
     def forget(self, outcomes: Sequence[str]) -> int:
         """Remove the results with these outcomes; their number."""
@@ -202,8 +218,28 @@ class Store:
             query, bounds = f"{query} AND controller = ?", (*bounds, controller)
         with self._as_user_error():
             for row in self._db.execute(query + " ORDER BY controller, trial", bounds):
-                values = dict(zip(_FIELDS, row, strict=True))
-                yield TrialResult(**values | {"survived": bool(values["survived"])})
+                yield self._result(row)
+
+    def _result(self, row: Sequence[Any]) -> TrialResult:
+        """A row as a result.
+
+        Raises:
+            UserError: it is damaged.
+        """
+        try:
+            values = dict(zip(_FIELDS, row, strict=True))
+            for name, kinds in _KINDS.items():
+                if not isinstance(values[name], kinds):
+                    raise ValueError(f"{name} = {values[name]!r}")
+            found = TrialResult(**values | {"survived": bool(values["survived"])})
+            for text in (found.values, found.evidence or "{}", found.judged_by or "{}"):
+                if not isinstance(json.loads(text), dict):
+                    raise ValueError(text)
+            _ = found.proof
+        except (ValueError, KeyError, TypeError) as error:
+            words = " ".join(str(error).split())[:100]
+            raise UserError(f"{self._where}: the row of trial {row[0]}/{row[1]} is damaged: {words}") from error
+        return found
 
     def result(self, controller: str, trial: int) -> TrialResult | None:
         """One result, None if there is none yet."""
@@ -227,6 +263,34 @@ class Store:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _writable(path: Path | None) -> sqlite3.Connection:
+    return sqlite3.connect(path or ":memory:", isolation_level=None)
+
+
+def _readable(path: Path | None) -> sqlite3.Connection:
+    """Open for reading, on a disk that cannot be written too, and whether or not a campaign is writing."""
+    place = f"file:{urllib.parse.quote(str(path))}"
+    try:
+        found = sqlite3.connect(f"{place}?mode=ro", uri=True, isolation_level=None)
+        found.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError:
+        if _log_of(path).is_file():  # of a campaign that was killed: it has results that the file lacks
+            with tempfile.TemporaryDirectory() as folder:
+                for file in (Path(str(path)), _log_of(path)):
+                    shutil.copy(file, folder)
+                there = sqlite3.connect(Path(folder) / Path(str(path)).name)
+                found = sqlite3.connect(":memory:", isolation_level=None)
+                there.backup(found)
+                there.close()
+            return found
+        found = sqlite3.connect(f"{place}?mode=ro&immutable=1", uri=True, isolation_level=None)
+    return found
+
+
+def _log_of(path: Path | None) -> Path:
+    return Path(f"{path}-wal")
 
 
 @contextmanager

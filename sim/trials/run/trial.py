@@ -68,8 +68,7 @@ def axis_values(plan: Plan, index: int) -> tuple[str, dict[str, Value], dict[str
     elif isinstance(study, GridStudy):
         pairs = list(zip(study.axes, study.point(local), strict=True))
     else:
-        generator = np.random.default_rng(_sequence(plan, index))
-        pairs = list(zip(study.axes, study.draw(generator, base), strict=True))
+        pairs = list(zip(study.axes, study.draw(plan.seed, local, base), strict=True))
     merged: dict[str, Any] = {}
     for axis, value in pairs:
         merged |= changes(axis, value, base)

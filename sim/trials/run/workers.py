@@ -112,7 +112,7 @@ def local(campaign: Campaign, workers: int) -> Execute:
     """Run trials in `workers` processes of this machine, 1 or more."""
 
     def execute(trials: Iterable[Id], stop: Stop) -> Iterator[tuple[TrialResult, str]]:
-        _warm(campaign)
+        _warm(campaign, stop)
         with _pool(campaign, workers) as pool:
             for end in pool.run(trials, stop):
                 yield _outcome(campaign, end)
@@ -120,12 +120,12 @@ def local(campaign: Campaign, workers: int) -> Execute:
     return execute
 
 
-def _warm(campaign: Campaign) -> None:
+def _warm(campaign: Campaign, stop: Stop) -> None:
     """Compile and load once, for all workers to come; what is the user's own code is left to them."""
     for kind in campaign.plan.controllers:
-        if kind in BUILT_IN:
+        if kind in BUILT_IN and not stop():
             spec = campaign.spec((kind, 0))
-            nursery().warm(warm_up, (spec,), origin(campaign.plan.scenario, kind))
+            nursery().warm(warm_up, (spec,), origin(campaign.plan.scenario, kind), stop)
 
 
 def connect(address: str) -> Any:
@@ -212,7 +212,7 @@ def _in_a_child(campaign: Campaign, trial: Id) -> End:
     if pool is None or _own.campaign != campaign:
         if pool is not None:
             pool.close()
-        _warm(campaign)
+        _warm(campaign, lambda: None)
         pool = _own.pool = _pool(campaign, 1)
         _own.campaign = campaign
         with _lock:
