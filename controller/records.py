@@ -207,3 +207,49 @@ class Controller(Protocol):
 
     def step(self, observation: Observation) -> ControlStep:
         """Decide the torque for the coming control period."""
+
+
+FLAG = np.int8
+"""A flag in a row: compiled code takes no arrays of bool inside records."""
+
+OBSERVATION = np.dtype([("t", float), ("q", float, 5), ("dq", float, 5), ("contact", FLAG, 2)], align=True)
+"""An `Observation` as a row of numbers, field by field."""
+
+STEP = np.dtype(
+    [
+        ("u_total", float, 4),
+        ("u_zd", float, 4),
+        ("u_mpc", float, 4),
+        ("y", float, 4),
+        ("dy", float, 4),
+        ("theta", float),
+        ("dtheta", float),
+        ("s", float),
+        ("contact_force", float, 2),
+        ("residuals", float, 3),
+        ("slack", float),
+        ("solve_s", float),
+        ("followed", float),
+        ("impact_in", np.int64),
+        ("iterations", np.int64),
+        ("active", np.int64),
+        ("status", np.int64),  # position in `Status`
+        ("stance", np.int64),  # 0 left, 1 right
+        ("fallback", FLAG),
+    ],
+    align=True,
+)
+"""A `ControlStep` as a row of numbers, field by field, its plan left out."""
+
+Rows = NDArray[np.void]
+"""Rows of `OBSERVATION` or `STEP`, (n,)."""
+
+
+class RowController(Controller, Protocol):
+    """A controller that also decides from row to row, without a record a tick: the same decisions, for less."""
+
+    def decide(self, seen: Rows, step: Rows, i: int) -> None:
+        """Fill row `i` of `step`, all of it, from row `i` of `seen`."""
+
+    def plan(self) -> Plan | None:
+        """What the last decision expects over its horizon; good until the next one."""

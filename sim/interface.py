@@ -6,28 +6,55 @@ What passes between the two worlds (`Observation`, `ControlStep`, `Controller`) 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
-from controller.records import COORDINATES, JOINTS, Controller, ControlStep, Observation, Plan, Status, Vector
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.records import (
+    COORDINATES,
+    FLAG,
+    JOINTS,
+    OBSERVATION,
+    STEP,
+    Controller,
+    ControlStep,
+    Observation,
+    Plan,
+    RowController,
+    Rows,
+    Status,
+    Vector,
+)
 
 __all__ = [
     "COORDINATES",
     "FEET",
     "JOINTS",
     "LEGS",
+    "LINKS",
+    "OBSERVATION",
+    "STATE",
+    "STEP",
     "AppliedForce",
     "ControlStep",
     "Controller",
+    "NoTorque",
     "Observation",
     "Plan",
     "Plant",
     "PlantState",
+    "RowController",
+    "Rows",
     "Status",
     "Vector",
 ]
 
 LEGS = ("left", "right")
 """Names of the legs; the position is a leg's number on the plant's side, and its row in every per-foot array."""
+
+LINKS = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
+"""Links of the walker, root first."""
 
 FEET = tuple(f"{leg}_foot" for leg in LEGS)
 
@@ -68,6 +95,46 @@ class PlantState:
     penetrating: tuple[str, ...] = ()
     applied: tuple["AppliedForce", ...] = ()
 
+    @classmethod
+    def of(cls, row: np.void, applied: tuple["AppliedForce", ...] = ()) -> Self:
+        """The state in a row of `STATE`, a copy; `applied` are the forces that the row does not hold."""
+        numbers = {name: row[name].copy() for name in _ARRAYS}
+        left, right = (bool(flag) for flag in row["contact"])
+        touching = row["penetrating"].tolist()
+        return cls(
+            t=float(row["t"]),
+            contact=(left, right),
+            penetrating=tuple(link for link, touches in zip(LINKS, touching, strict=True) if touches),
+            applied=applied,
+            **numbers,
+        )
+
+
+STATE = np.dtype(
+    [
+        ("t", float),
+        ("q", float, 5),
+        ("dq", float, 5),
+        ("hip", float, 2),
+        ("dhip", float, 2),
+        ("foot", float, (2, 2)),
+        ("clearance", float, 2),
+        ("torque", float, 4),
+        ("contact_force", float, (2, 2)),
+        ("push", float, 2),
+        ("contact", FLAG, 2),
+        ("penetrating", FLAG, len(LINKS)),
+    ],
+    align=True,
+)
+"""A `PlantState` as a row of numbers, field by field, without the forces one by one."""
+
+_ARRAYS = tuple(name for name in STATE.names or () if STATE[name].shape and STATE[name].base.kind == "f")
+
+
+class NoTorque(ValueError):
+    """A commanded torque is not finite, or not four numbers."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AppliedForce:
@@ -86,7 +153,7 @@ class AppliedForce:
 
 
 class Plant(Protocol):
-    """A walker that obeys physics; the loop holds a torque on it and looks again."""
+    """A walker that obeys physics; the loop holds a torque on it and looks again, from row to row."""
 
     @property
     def com(self) -> Mapping[str, tuple[float, float]]:
@@ -105,19 +172,21 @@ class Plant(Protocol):
             stance: "left" or "right": the foot that stands, at rest, at x = 0 on the ground.
         """
 
-    def observe(self) -> Observation:
-        """What ideal sensors read now."""
+    def load(self, forces: Sequence[AppliedForce]) -> None:
+        """Name the external forces that may act in the holds to come."""
 
-    def state(self) -> PlantState:
-        """The truth now."""
+    def look(self, state: Rows, seen: Rows, i: int) -> None:
+        """Fill row `i` of `state` (`STATE`) with the truth now, of `seen` (`OBSERVATION`) with what is seen of it."""
 
-    def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
-        """Hold a commanded torque and external forces for one control period.
+    def move(self, step: Rows, i: int, acting: NDArray[np.bool_]) -> None:
+        """Hold the torque commanded in row `i` of `step`, of `STEP`, for one control period; the plant saturates it.
 
         Args:
-            u: Commanded joint torque in [N.m], (4,), ordered as `JOINTS`; the plant saturates it.
-            forces: External forces that act throughout the hold.
+            step: What was decided.
+            i: Its row.
+            acting: Which of the forces loaded act throughout the hold, (number of forces,).
 
         Raises:
+            NoTorque: the torque is not finite: a defect of the controller.
             PlantDiverged: the state is not finite any more.
         """

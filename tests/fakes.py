@@ -5,7 +5,9 @@ import dataclasses
 import numpy as np
 
 from sim.errors import PlantDiverged
-from sim.interface import ControlStep, Observation, PlantState, Status
+from sim.interface import LINKS, STATE, ControlStep, PlantState, Status
+from sim.loop import EachTick, Ticks
+from sim.loop.ticks import Frame, write_step
 
 PERIOD = 1e-3  # [s]
 COM = {"torso": (0.0, 0.24), "left_femur": (0.0, 0.11)}  # [m]
@@ -29,11 +31,46 @@ def plant_state(**changes):
     return dataclasses.replace(still, **changes)
 
 
+def write_state(row, state):
+    """Fill a row of `STATE`."""
+    for name in STATE.names:
+        row[name] = [link in state.penetrating for link in LINKS] if name == "penetrating" else getattr(state, name)
+
+
+def rows_of(state):
+    """The same state as a single row of `STATE`."""
+    rows = np.zeros(1, STATE)
+    write_state(rows[0], state)
+    return rows
+
+
 def control_step(**changes):
     """What a controller that stands on its left foot and solves its problem decides."""
     return ControlStep(
         **{"stance": "left", "u_total": np.ones(4), "u_zd": np.ones(4), "status": Status.OPTIMAL} | changes
     )
+
+
+def tell(tape, k, state, observation, step, tick_s):
+    """Tell a tape a single tick, as the loop does."""
+    tape.ticks(one_tick(k, state, observation, step, tick_s, tape.frame_every))
+
+
+def one_tick(k, state, observation, step, tick_s, frame_every=0, **judged):
+    """A tick of given records as a stretch of one row."""
+    ticks = dataclasses.replace(Ticks.room(1), first=k)
+    write_state(ticks.state[0], state)
+    if observation is not None:
+        for name in ("t", "q", "dq", "contact"):
+            ticks.seen[0][name] = getattr(observation, name)
+    if not write_step(ticks.step[0], step):
+        ticks.texts[k] = step.status
+    if frame_every and k % frame_every == 0:
+        ticks.frames[k] = Frame(state.applied, step.plan)
+    for name, value in judged.items():
+        ticks.judged[0][name] = value
+    ticks.tick_s[0] = tick_s
+    return ticks
 
 
 class Clockwork:
@@ -60,14 +97,19 @@ class Clockwork:
         hip = 0.2 if self.falls_at is not None and self.k >= self.falls_at else 0.75
         return plant_state(t=self.k * PERIOD, foot=feet, contact=tuple(contact), hip=np.array([feet[stance, 0], hip]))
 
-    def observe(self):
-        return Observation(t=self.k * PERIOD, q=np.zeros(5), dq=np.zeros(5), contact=self.state().contact)
+    def load(self, forces):
+        self.loaded = tuple(forces)
 
-    def hold(self, u, forces=()):
+    def look(self, state, seen, i):
+        truth = self.state()
+        write_state(state[i], truth)
+        seen["t"][i], seen["q"][i], seen["dq"][i], seen["contact"][i] = truth.t, 0.0, 0.0, truth.contact
+
+    def move(self, step, i, acting):
         if self.k == self.diverges_at:
             raise PlantDiverged("qpos[3] is nan")
-        self.torques.append(np.array(u))
-        self.forces.append(tuple(forces))
+        self.torques.append(step["u_total"][i].copy())
+        self.forces.append(tuple(force for force, acts in zip(self.loaded, acting, strict=True) if acts))
         self.k += 1
 
 
@@ -86,14 +128,16 @@ class Counting:
         return control_step(**{"u_total": np.full(4, float(k)), **self.step_of(k)})
 
 
-class Tape:
+class Tape(EachTick):
     """Remembers ticks and events."""
 
+    frame_every = 1
+
     def __init__(self):
-        self.ticks, self.events = [], []
+        self.told, self.events = [], []
 
     def tick(self, k, state, observation, step, tick_s):
-        self.ticks.append((k, state, observation, step, tick_s))
+        self.told.append((k, state, observation, step, tick_s))
 
     def event(self, k, level, name, message):
         self.events.append((k, level, name, message))

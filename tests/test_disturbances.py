@@ -4,10 +4,16 @@ import math
 
 import pytest
 
-from sim.loop.pushes import active_forces
+from sim.loop.pushes import PERIOD, Pushes
 from sim.scenario import Push
 
 COM = {"torso": (0.0, 0.24), "left_tibia": (0.0, 0.2)}
+
+
+def active_forces(pushes, t, step, com, *, step_began=0.0, period=PERIOD):
+    those = Pushes(pushes, com, period)
+    assert those.look(t, step, step_began) == bool(those.applied)
+    return those.applied
 
 
 def test_nothing_is_active_without_pushes() -> None:

@@ -16,7 +16,7 @@ from controller.records import Leg, StanceState
 from controller.settings import FittingSettings
 from sim.bridge import run as compose
 from sim.log.read import read_log
-from sim.loop import NoTape
+from sim.loop import EachTick
 from sim.scenario import Push, Scenario, with_values
 
 RULE = FittingSettings(share=-1.0, slower=0.25, faster=0.1, hysteresis=0.02, most=0.3)
@@ -35,7 +35,7 @@ def family(belief):
     return GaitFamily.around(belief.gait, GaitLibrary.load(belief.library, belief.model))
 
 
-class Events(NoTape):
+class Events(EachTick):
     """Keeps the decisions and what the loop says about gaits."""
 
     def __init__(self):

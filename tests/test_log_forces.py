@@ -11,6 +11,7 @@ from sim.log.read import read_log
 from sim.log.write import Recorder
 from sim.log.write.arrows import CONTACT_SCALE, PUSH_SCALE
 from sim.scenario import load, with_values
+from tests.fakes import tell
 from tests.test_recorder import HEADER, PERIOD, tick
 
 SLOPE = 0.05  # [rad]
@@ -101,7 +102,7 @@ def test_impact_says_when_it_had_been_foreseen(log):
 
 def test_ground_lies_along_its_line(tmp_path):
     with Recorder(tmp_path / "run.mcap", replace(HEADER, ground=GROUND), PERIOD) as recorder:
-        recorder.tick(0, *tick(0), 0.0)
+        tell(recorder, 0, *tick(0), 0.0)
     ((_, scene),) = read_log(tmp_path / "run.mcap").messages("/scene")
     plates = arrows(scene)["ground"].cubes
     assert len(plates) == 2

@@ -27,8 +27,8 @@ def test_each_decision_is_held_once_on_what_was_just_seen():
     run = Run(steps=3)
     assert [u[0] for u in run.plant.torques] == list(range(30))
     assert [o.t for o in run.controller.seen] == pytest.approx([k * PERIOD for k in range(30)])
-    assert [k for k, *_ in run.tape.ticks] == list(range(30))
-    for _, state, observation, step, tick_s in run.tape.ticks:
+    assert [k for k, *_ in run.tape.told] == list(range(30))
+    for _, state, observation, step, tick_s in run.tape.told:
         assert state.t == observation.t
         assert tick_s >= 0.0
         assert step.u_total[0] == pytest.approx(state.t / PERIOD)
@@ -77,7 +77,7 @@ def test_a_diverged_plant_is_a_fall_not_an_exception():
     run = Run(plant=Clockwork(diverges_at=7))
     assert run.summary.outcome == "fell"
     assert FallReason.DIVERGED.value in run.summary.fall_reason and "qpos[3]" in run.summary.fall_reason
-    assert len(run.tape.ticks) == 8  # the tick whose torque it was is in the log
+    assert len(run.tape.told) == 8  # the tick whose torque it was is in the log
 
 
 def test_the_time_limit_ends_a_walker_that_stands_about():

@@ -6,14 +6,14 @@ import pytest
 from controller.ltv.orbit import find_orbit, nominal_rate
 from sim.bridge import run as compose
 from sim.interface import Observation
-from sim.loop import NoTape
+from sim.loop import EachTick
 from sim.scenario import Push, Scenario, with_values
 
 LTV = {"controller.kind": "c-mpc-ltv"}
 CALM = with_values(Scenario(steps=2), LTV)
 
 
-class Steps(NoTape):
+class Steps(EachTick):
     """Keeps every tick's decision."""
 
     def __init__(self):

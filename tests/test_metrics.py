@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from fakes import control_step, plant_state
+from fakes import control_step, one_tick, plant_state, rows_of
 
 from sim.loop import FallCriteria, FallReason, Judge, Outcome
 from sim.loop.judge import TouchDown
@@ -19,13 +19,20 @@ def summary(metrics, **changes):
         outcome=Outcome.COMPLETED,
         reason=FallReason.NONE,
         detail="",
-        final=plant_state(t=2.0),
+        final=rows_of(plant_state(t=2.0))[0],
         wall_s=1.0,
         torque_limits=LIMITS,
         criteria=FallCriteria(),
         log="x.mcap",
     )
     return metrics.summary(**{**given, **changes})
+
+
+def take(metrics, judge, state, step, tick_s):
+    """Judge a tick and add it to the figures."""
+    ticks = one_tick(0, state, None, step, tick_s)
+    judge.look(ticks.state, ticks.judged, 0)
+    metrics.take(ticks)
 
 
 @pytest.fixture
@@ -39,9 +46,8 @@ def test_figures_are_their_definitions(judge):
     y, zd, mpc, torque = (rng.normal(size=(50, 4)) for _ in range(4))
     for k in range(50):
         state = plant_state(t=0.1 + k * 1e-3, torque=torque[k])
-        metrics.tick(
-            state, control_step(y=y[k], u_zd=zd[k], u_mpc=mpc[k], fallback=k % 10 == 0, slack=k / 7), judge, 1e-4
-        )
+        step = control_step(y=y[k], u_zd=zd[k], u_mpc=mpc[k], fallback=k % 10 == 0, slack=k / 7)
+        take(metrics, judge, state, step, 1e-4)
     found = summary(metrics)
     assert found.output_error_rms_rad == pytest.approx(np.sqrt(np.mean(y**2)))
     assert found.mpc_torque_share == pytest.approx(np.sqrt(np.mean(mpc**2) / np.mean(zd**2)))
@@ -54,8 +60,9 @@ def test_figures_are_their_definitions(judge):
 def test_friction_is_that_of_the_stance_foot_outside_impacts(judge):
     metrics = Metrics()
 
-    def tick(t, left, right=(0.0, 0.0)):
-        metrics.tick(plant_state(t=t, contact_force=np.array([left, right])), control_step(), judge, 0.0)
+    def tick(t, left, right=(0.0, 0.0), **more):
+        state = plant_state(t=t, contact_force=np.array([left, right]), **more)
+        take(metrics, judge, state, control_step(), 0.0)
         return summary(metrics).friction_ratio_max
 
     assert tick(0.01, (300.0, 100.0)) == 0.0  # within 20 ms of the start
@@ -63,9 +70,10 @@ def test_friction_is_that_of_the_stance_foot_outside_impacts(judge):
     assert tick(0.2, (-50.0, 100.0)) == pytest.approx(0.5)  # either way
     assert tick(0.3, (10.0, 100.0), right=(90.0, 100.0)) == pytest.approx(0.5)  # not the swing foot's
     assert tick(0.4, (9.0, 0.0)) == pytest.approx(0.5)  # no force, no ratio
-    judge.touch_down(plant_state(t=0.5, foot=np.array([[0.0, 0.0], [0.4, 0.0]]), contact=(True, True)))
-    assert tick(0.51, (0.0, 1.0), right=(80.0, 100.0)) == pytest.approx(0.5)  # the impact
-    assert tick(0.53, (0.0, 1.0), right=(60.0, 100.0)) == pytest.approx(0.6)
+    ahead = {"foot": np.array([[0.0, 0.0], [0.4, 0.0]]), "contact": (True, True)}
+    tick(0.5, (0.0, 1.0), right=(90.0, 100.0), **ahead)
+    assert tick(0.51, (0.0, 1.0), right=(80.0, 100.0), **ahead) == pytest.approx(0.5)  # the impact
+    assert tick(0.53, (0.0, 1.0), right=(60.0, 100.0), **ahead) == pytest.approx(0.6)
 
 
 def test_steps_are_averaged():
@@ -94,7 +102,7 @@ def test_a_fall_says_why_and_an_interruption_has_a_message():
 def test_every_field_of_the_summary_is_plain_data():
     """So that JSON holds it; NumPy scalars are not."""
     metrics = Metrics()
-    metrics.tick(plant_state(t=0.1), control_step(solve_s=1e-3), Judge("left"), 1e-3)
+    take(metrics, Judge("left"), plant_state(t=0.1), control_step(solve_s=1e-3), 1e-3)
 
     def plain(value):
         if isinstance(value, dict):

@@ -107,9 +107,9 @@ def test_accelerations_and_contact_force_of_the_pinned_walker_agree(rigid: Rigid
     for _ in range(100):
         q, dq, u = rng.uniform(-np.pi, np.pi, 5), rng.uniform(-5, 5, 5), rng.uniform(-50, 50, 4)
         rigid.reset(q, dq, ("left", "right")[leg])
-        rigid._walker.load(u, ())
+        rigid._walker.torque[:] = u
         rigid._walker.after(q, dq, PERIOD)
-        found = rigid._walker._work["slopes"][0, 0].copy()  # of the first stage: at (q, dq)
+        found = rigid._walker.work["slopes"][0, 0].copy()  # of the first stage: at (q, dq)
         ours = [in_stance_order(v, leg) for v in (q, dq, u)]
         motion.append((in_stance_order(found[5:10], leg), model.acceleration(*ours)))
         force.append((found[10:], model.stance_force(*ours)[0]))

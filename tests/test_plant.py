@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from sim.errors import PlantDiverged, UserError
-from sim.interface import AppliedForce
+from sim.interface import LINKS, AppliedForce
 from sim.plant import MujocoPlant
-from sim.plant.build import BODIES, INTEGRATORS
+from sim.plant.build import INTEGRATORS
 from sim.scenario import GroundSettings, PlantSettings
 from sim.scenario.per_link import BodyFactors, JointFactors
 
@@ -225,10 +225,10 @@ def test_without_saturation_any_torque_is_applied() -> None:
     assert np.array_equal(plant.state().torque, u)
 
 
-@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("body", LINKS)
 def test_mass_factor_scales_mass_and_inertia_of_its_link_alone(body: str) -> None:
     plain, heavy = make().model, make(mass_factor=BodyFactors(**{body: 2.0})).model
-    for name in BODIES:
+    for name in LINKS:
         factor = 2.0 if name == body else 1.0
         assert heavy.body(name).mass == factor * plain.body(name).mass
         assert heavy.body(name).inertia == pytest.approx(factor * plain.body(name).inertia)
@@ -253,7 +253,7 @@ def test_mjcf_text_is_the_plant_that_ran() -> None:
 # External forces
 
 
-@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("body", LINKS)
 def test_a_force_is_felt_at_its_point(body: str) -> None:
     force = AppliedForce(body=body, point=(0.03, 0.31), force=(25.0, -8.0))
     plant, still = make(), make()

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sim.errors import UserError
+from sim.interface import LINKS
 from sim.plant import MujocoPlant
-from sim.plant.build import BODIES
 from sim.scenario import GroundSettings, PlantSettings
 from sim.scenario.per_link import (
     BodyFactors,
@@ -31,7 +31,7 @@ def inertia(model: mujoco.MjModel, body: str) -> float:
     return float(model.body_inertia[model.body(body).id][1])
 
 
-@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("body", LINKS)
 def test_mass_factor_and_offset_add_up_and_inertia_follows_or_not(body: str) -> None:
     nominal = plant().model
     mass = float(nominal.body(body).mass[0])
@@ -43,7 +43,7 @@ def test_mass_factor_and_offset_add_up_and_inertia_follows_or_not(body: str) -> 
     follows, stays = plant(**settings).model, plant(**settings, inertia_follows_mass=False).model
     for model in (follows, stays):
         assert model.body(body).mass[0] == pytest.approx(1.5 * mass + 1.0)
-        others = [name for name in BODIES if name != body]
+        others = [name for name in LINKS if name != body]
         assert [model.body(name).mass[0] for name in others] == [nominal.body(name).mass[0] for name in others]
     assert inertia(follows, body) == pytest.approx(3 * (1.5 + 1.0 / mass) * inertia(nominal, body))
     assert inertia(stays, body) == pytest.approx(3 * inertia(nominal, body))

@@ -25,6 +25,7 @@ from sim.log.read import read_log
 from sim.log.read.reader import read_channel
 from sim.log.write import Recorder, RunHeader
 from sim.loop import RunSummary
+from tests.fakes import tell
 
 ROOT = Path(__file__).resolve().parent.parent
 LENGTHS = {link: 0.625 if link == "torso" else 0.4 for link in LINKS}  # [m]
@@ -178,7 +179,7 @@ def tick_s(k):
 def write(path, ticks, header=HEADER, start=0):
     with Recorder(path, header, PERIOD) as recorder:
         for k in range(start, ticks):
-            recorder.tick(k, *tick(k), tick_s(k))
+            tell(recorder, k, *tick(k), tick_s(k))
             if k == 3:
                 recorder.event(k, "info", "push", "push begins")
         recorder.result(SUMMARY)
@@ -302,7 +303,7 @@ def test_an_unlisted_status_is_told_once(tmp_path):
     with Recorder(path, HEADER, PERIOD) as recorder:
         for k in range(5):
             state, seen, step = tick(k)
-            recorder.tick(k, state, seen, replace(step, status="the solver sulked"), 0.0)
+            tell(recorder, k, state, seen, replace(step, status="the solver sulked"), 0.0)
     log = read_log(path)
     assert log.channel("/mpc")["status"].tolist() == [STATUSES.index("other")] * 5
     assert [e.message for _, e in log.messages("/events") if e.name == "status"] == [
@@ -342,7 +343,7 @@ def test_same_run_twice_gives_the_same_bytes_in_every_channel_but_timing(tmp_pat
     with Recorder(tmp_path / "b.mcap", later, PERIOD) as recorder:
         for k in range(250):
             state, seen, step = tick(k)
-            recorder.tick(k, state, seen, replace(step, solve_s=9.0), 7.0)
+            tell(recorder, k, state, seen, replace(step, solve_s=9.0), 7.0)
             if k == 3:
                 recorder.event(k, "info", "push", "push begins")
     two = read_log(tmp_path / "b.mcap")
@@ -358,7 +359,7 @@ def test_same_everything_gives_the_same_file(tmp_path):
 def test_live_views_are_copied(tmp_path):
     state, seen, step = tick(0)
     with Recorder(tmp_path / "run.mcap", HEADER, PERIOD) as recorder:
-        recorder.tick(0, state, seen, step, 0.0)
+        tell(recorder, 0, state, seen, step, 0.0)
         state.q[:] = 0.0
     assert read_channel(tmp_path / "run.mcap", "/plant/state")["q.left_hip"][0] == tick(0)[0].q[0]
 
@@ -367,7 +368,7 @@ def test_an_exception_in_mid_run_leaves_a_finished_log(tmp_path):
     path = tmp_path / "run.mcap"
     with pytest.raises(ZeroDivisionError), Recorder(path, HEADER, PERIOD) as recorder:
         for k in range(321):
-            recorder.tick(k, *tick(k), 0.0)
+            tell(recorder, k, *tick(k), 0.0)
         raise ZeroDivisionError("boom")
     log = read_log(path)
     assert log.complete
@@ -383,7 +384,7 @@ def test_a_killed_run_loses_at_most_one_chunk(tmp_path):
         "import itertools, sys; from tests.test_recorder import *\n"
         f"recorder = Recorder({str(path)!r}, HEADER, PERIOD)\n"
         "for k in itertools.count():\n"
-        "    recorder.tick(k, *tick(k), 0.0)\n"
+        "    tell(recorder, k, *tick(k), 0.0)\n"
         "    if k == 777: print('ready', flush=True); sys.stdin.read()\n"
     )
     child = subprocess.Popen(

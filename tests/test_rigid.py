@@ -167,7 +167,7 @@ def test_an_impact_is_located_exchanges_the_legs_and_adds_no_energy() -> None:
 
     def energy(dq: NDArray, stance: str) -> float:
         other = make()
-        other._q, other._dq = impact.q, dq
+        other._walker.q[:], other._walker.dq[:] = impact.q, dq
         other._walker.leg = ("left", "right").index(stance)
         return world.energy(other)[1]
 
@@ -181,8 +181,8 @@ def test_the_foot_that_lands_is_at_rest_and_the_impulse_is_the_change_of_momentu
     impact = plant.impact
     assert impact is not None
     before, after = make(), make()
-    before._q, before._dq, before._walker.leg = impact.q, impact.dq, 0
-    after._q, after._dq, after._walker.leg = impact.q, impact.dq_after, 1
+    before._walker.q[:], before._walker.dq[:], before._walker.leg = impact.q, impact.dq, 0
+    after._walker.q[:], after._walker.dq[:], after._walker.leg = impact.q, impact.dq_after, 1
     assert np.abs(world.foot_velocity(after, "right")).max() < 1e-12
     assert world.foot_velocity(after, "left")[[0, 2]] == pytest.approx(impact.old_foot, abs=1e-12)
     change = world.momentum(after) - world.momentum(before)
@@ -242,7 +242,7 @@ def test_on_a_slope_heights_and_forces_are_those_of_the_slope(slope: float) -> N
     level.reset(AFTER[0], np.zeros(5), "left")
     assert plant.state().clearance == pytest.approx(level.state().clearance, abs=1e-12)
     plant.hold(REST)
-    fx, fz = plant._force_time[0] / PERIOD
+    fx, fz = plant._work["force_time"][0, 0] / PERIOD
     tangential, normal = plant.state().contact_force[0]
     assert (tangential, normal) == pytest.approx(
         (fx * math.cos(slope) + fz * math.sin(slope), fz * math.cos(slope) - fx * math.sin(slope))

@@ -10,7 +10,7 @@ from controller.records import Leg
 from controller.rivals import dense_qp
 from sim.bridge import run as compose
 from sim.interface import Observation
-from sim.loop import NoTape
+from sim.loop import EachTick
 from sim.scenario import Scenario, with_values
 from sim.trials import TrialSpec, run_trial
 from sim.trials.plan.plan import from_toml
@@ -20,7 +20,7 @@ KINDS = ("clf-qp", "output-mpc")
 LIMIT = np.array([75.0, 75.0, 50.0, 50.0])  # [N.m]
 
 
-class Steps(NoTape):
+class Steps(EachTick):
     """Keeps every tick's decision."""
 
     def __init__(self):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from fakes import control_step, plant_state
+from fakes import control_step, plant_state, tell
 
 from sim.bridge.run import build_plant, known_belief, run_scenario
 from sim.scenario import Scenario, load, with_values
@@ -35,7 +35,7 @@ def walk(*changes, end=END, landings=(0.5,)):
             more_state, more_step = change(t)
             state |= more_state
             step |= more_step
-        witness.tick(k, plant_state(**state), None, control_step(**step), 0.0)
+        tell(witness, k, plant_state(**state), None, control_step(**step), 0.0)
     return witness
 
 
@@ -130,10 +130,11 @@ class Asking(Witness):
         super().__init__(period)
         self.limits, self.seen = limits, set()
 
-    def tick(self, k, state, observation, step, tick_s):
-        super().tick(k, state, observation, step, tick_s)
-        if k % 50 == 0:
-            self.seen.add(self.verdict(self.limits)[0])
+    def ticks(self, ticks):
+        for row in range(len(ticks)):
+            super().ticks(ticks.part(row, row + 1, ticks.first + row))
+            if (ticks.first + row) % 50 == 0:
+                self.seen.add(self.verdict(self.limits)[0])
 
 
 @pytest.mark.parametrize("kind", spec_at(Scenario(), "controller.kind").choices)

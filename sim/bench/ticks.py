@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from sim.bridge.run import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
-from sim.interface import ControlStep, Observation, PlantState
 from sim.log.format.fields import STATUSES
-from sim.loop import NoTape
+from sim.loop import NoTape, Ticks
 from sim.scenario import Scenario, load, with_values
 
 RUNS = ("undisturbed", "push-25N", "friction-50N", "payload-x2")
@@ -60,10 +59,11 @@ class TickTimes(NoTape):
         self.seconds: list[float] = []
         self.statuses: dict[str, int] = dict.fromkeys(STATUSES, 0)
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Keep one."""
-        self.seconds.append(tick_s)
-        self.statuses[step.status] = self.statuses.get(step.status, 0) + 1
+    def ticks(self, ticks: Ticks) -> None:
+        """Keep them."""
+        self.seconds += ticks.tick_s.tolist()
+        for code, count in zip(*np.unique(ticks.step["status"], return_counts=True), strict=True):
+            self.statuses[STATUSES[code]] += int(count)
 
 
 def benchmark(*, quick: bool, say: Say) -> list[Figure]:

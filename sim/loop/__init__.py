@@ -4,10 +4,12 @@ from sim.loop.course import Course
 from sim.loop.judge import FallCriteria, Judge
 from sim.loop.loop import Loop
 from sim.loop.outcome import FallReason, Outcome, RunSummary
-from sim.loop.tape import NoTape, Progress, Stop, Tape, Tapes
+from sim.loop.tape import EachTick, NoTape, Progress, Stop, Tape, Tapes
+from sim.loop.ticks import Ticks
 
 __all__ = [
     "Course",
+    "EachTick",
     "FallCriteria",
     "FallReason",
     "Judge",
@@ -19,4 +21,5 @@ __all__ = [
     "Stop",
     "Tape",
     "Tapes",
+    "Ticks",
 ]

@@ -1,12 +1,17 @@
 """Who walked, how far, and who fell: steps and falls judged from the truth, in one place."""
 
+import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any
 
-from sim.interface import PlantState
-from sim.loop.outcome import FallReason
-from sim.loop.scuff import Scuffing
+import numpy as np
 
+from controller.compiled import compiled
+from sim.interface import LEGS, LINKS, Rows
+from sim.loop.outcome import FallReason, Outcome
+
+GRAZE = 1e-6  # [m]; what a foot at rest on compliant ground sinks in, and more than rounding
 SETTLING = 0.02  # [s] after an impact, in which contact forces are those of the impact
 STEP_SHARE = 0.125  # of the leg: a quarter of a gait's usual step, which is half a leg
 TRIP_SHARE = 0.00125  # of the leg: 1 mm for RABBIT, whose feet differ by 0.6 mm in height in the paper's x0-
@@ -50,6 +55,21 @@ class FallCriteria:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Scuffing:
+    """The swing foot below the ground without landing, which only a plant without contact allows for long.
+
+    Attributes:
+        depth: Largest depth outside landings in [m].
+        ticks: Ticks spent below.
+        ahead: Of these, ticks ahead of the stance foot.
+    """
+
+    depth: float = 0.0
+    ticks: int = 0
+    ahead: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TouchDown:
     """A completed step.
 
@@ -68,6 +88,102 @@ class TouchDown:
     foot: str
 
 
+LANDED, SCUFF_BEGAN, SCUFF_ENDED, ENDED = 1, 2, 4, 8
+"""What a look finds, a bit each; 0 when there is nothing to tell."""
+
+COMPLETED, TIME_OVER, BODY_CONTACT, TRIPPED, HIP_LOW, TORSO_TILT, STALLED = range(7)
+"""Why a run ends."""
+
+WORK = np.dtype(
+    [
+        *((name, float) for name in ("step_length", "hip_height", "torso_tilt", "stall_time", "scuff_depth")),
+        ("steps_asked", np.int64),
+        ("end_time", float),  # [s]
+        ("steps", np.int64),  # completed
+        ("stance", np.int64),  # row of the foot that stands
+        ("last_impact", float),  # [s]
+        ("duration", float),  # [s] of the last step
+        ("length", float),  # [m] of the last step
+        ("depth", float),  # [m] of the swing foot in the ground now
+        ("ahead", float),  # [m] of the swing foot before the stance foot now
+        ("height", float),  # [m] of the hip above the lower foot now
+        ("scuffs", np.int64),  # ticks of the present scuff, 0 where there is none
+        ("deepest", float),  # [m] of the present or last scuff
+        ("lasted", np.int64),  # [ticks] the last scuff
+        ("scuff_most", float),  # [m] over the run
+        ("scuff_ticks", np.int64),  # of the run
+        ("scuff_ahead", np.int64),  # of these, ahead of the stance foot
+        ("reason", np.int64),  # why the run ends
+    ],
+    align=True,
+)
+"""What a run is judged by, and the walk so far."""
+
+
+@compiled
+def look(work: Any, state: Any, judged: Any, i: int) -> int:
+    """Judge the truth in row `i` and fill that row of `judged`; what there is to tell."""
+    w, s, out = work[0], state[i], judged[i]
+    found = 0
+    stance = w.stance
+    swing = 1 - stance
+    if s.contact[swing] != 0:
+        length = s.foot[swing, 0] - s.foot[stance, 0]
+        if not length < w.step_length:
+            w.stance, stance, swing = swing, swing, stance
+            w.steps += 1
+            w.duration, w.length, w.last_impact = s.t - w.last_impact, length, s.t
+            found |= LANDED
+    settled = s.t - w.last_impact > SETTLING
+    # A landing is the time until contact forces are those of walking: the foot behind is then leaving the ground. A
+    # stance foot without contact below the ground counts, too: the plant has exchanged the feet on a landing too
+    # short for a step.
+    w.depth = 0.0
+    w.ahead = s.foot[swing, 0] - s.foot[stance, 0]
+    if settled:
+        w.depth = -s.clearance[swing]
+        if s.contact[stance] == 0 and -s.clearance[stance] > w.depth:
+            w.depth = -s.clearance[stance]
+    if w.depth > GRAZE:
+        if w.scuffs == 0:
+            w.deepest = 0.0
+            found |= SCUFF_BEGAN
+        w.scuffs += 1
+        w.deepest, w.scuff_most = max(w.deepest, w.depth), max(w.scuff_most, w.depth)
+        w.scuff_ticks += 1
+        if w.ahead > 0.0:
+            w.scuff_ahead += 1
+    elif w.scuffs > 0:
+        w.lasted, w.scuffs = w.scuffs, 0
+        found |= SCUFF_ENDED
+    touching = 0
+    for link in range(s.penetrating.shape[0]):
+        touching += s.penetrating[link]
+    low = s.foot[0, 1]
+    if s.foot[1, 1] < low:
+        low = s.foot[1, 1]
+    w.height = s.hip[1] - low
+    w.reason = -1
+    if touching != 0:
+        w.reason = BODY_CONTACT
+    elif w.depth > w.scuff_depth:
+        w.reason = TRIPPED
+    elif w.height < w.hip_height:
+        w.reason = HIP_LOW
+    elif abs(s.q[4]) > w.torso_tilt:
+        w.reason = TORSO_TILT
+    elif s.t - w.last_impact > w.stall_time:
+        w.reason = STALLED
+    elif w.steps >= w.steps_asked:
+        w.reason = COMPLETED
+    elif s.t >= w.end_time:
+        w.reason = TIME_OVER
+    if w.reason >= 0:
+        found |= ENDED
+    out.steps, out.stance, out.last_impact, out.settled = w.steps, stance, w.last_impact, 1 if settled else 0
+    return found
+
+
 class Judge:
     """Counts steps and looks for falls, tick by tick.
 
@@ -75,66 +191,83 @@ class Judge:
     change roles. What the controller believes plays no part.
     """
 
-    def __init__(self, stance: str, criteria: FallCriteria | None = None) -> None:
-        """Args: stance: the foot that stands at the start; criteria: when a run counts as a fall."""
+    def __init__(
+        self, stance: str, criteria: FallCriteria | None = None, *, steps: int = 2**62, end_time: float = math.inf
+    ) -> None:
+        """Begin a run.
+
+        Args:
+            stance: The foot that stands at the start.
+            criteria: When the run counts as a fall; RABBIT's by default.
+            steps: Steps after which it is completed.
+            end_time: Simulated time after which it ends anyway in [s].
+        """
         self.criteria = criteria or FallCriteria()
-        self.steps = 0
-        self.last_impact = 0.0  # [s]
-        self.scuffing = Scuffing()
-        self._depth = 0.0  # [m] of the swing foot in the ground now
-        self._stance = ("left", "right").index(stance)
+        self.end_time = end_time
+        self._work = work = np.zeros(1, WORK)
+        for name, value in dataclasses.asdict(self.criteria).items():
+            work[name] = value
+        work["steps_asked"], work["end_time"], work["stance"] = steps, end_time, LEGS.index(stance)
+        self._row = work[0]
+
+    def look(self, state: Rows, judged: Rows, i: int) -> int:
+        """Judge the truth in row `i` of `state`, and fill that row of `judged`; returns what there is to tell."""
+        found: int = look(self._work, state, judged, i)
+        return found
+
+    @property
+    def steps(self) -> int:
+        """Steps completed."""
+        return int(self._row["steps"])
 
     @property
     def stance(self) -> int:
         """Row of the stance foot in per-foot arrays."""
-        return self._stance
+        return int(self._row["stance"])
 
-    def settled(self, t: float) -> bool:
-        """Whether the last impact is over long enough for contact forces to be those of walking."""
-        return t - self.last_impact > SETTLING
+    @property
+    def last_impact(self) -> float:
+        """Time of the last landing in [s]."""
+        return float(self._row["last_impact"])
 
-    def touch_down(self, state: PlantState) -> TouchDown | None:
-        """The step that this state completes, if it does."""
-        swing = 1 - self._stance
-        if not state.contact[swing]:
-            return None
-        length = float(state.foot[swing, 0] - state.foot[self._stance, 0])
-        if length < self.criteria.step_length:
-            return None
-        self._stance = swing
-        self.steps += 1
-        duration, self.last_impact = state.t - self.last_impact, state.t
-        return TouchDown(number=self.steps, t=state.t, duration=duration, length=length, foot=("left", "right")[swing])
+    @property
+    def scuffing(self) -> Scuffing:
+        """The swing foot below the ground so far."""
+        row = self._row
+        return Scuffing(depth=float(row["scuff_most"]), ticks=int(row["scuff_ticks"]), ahead=int(row["scuff_ahead"]))
 
-    def scuff(self, state: PlantState) -> str:
-        """Take in how deep the swing foot is in the ground outside a landing; returns what to note in the log.
+    def touch_down(self) -> TouchDown:
+        """The step just completed."""
+        row = self._row
+        return TouchDown(
+            number=self.steps,
+            t=self.last_impact,
+            duration=float(row["duration"]),
+            length=float(row["length"]),
+            foot=LEGS[self.stance],
+        )
 
-        A landing is the time until contact forces are those of walking (`settled`): the foot behind is then leaving
-        the ground. A stance foot without contact below the ground counts, too: the plant has exchanged the feet on a
-        landing too short for a step.
-        """
-        self._depth = 0.0
-        if not self.settled(state.t):
-            return self.scuffing.look(0.0, 0.0)
-        stance, swing = self._stance, 1 - self._stance
-        self._depth = -float(state.clearance[swing])
-        if not state.contact[stance]:
-            self._depth = max(self._depth, -float(state.clearance[stance]))
-        return self.scuffing.look(self._depth, float(state.foot[swing, 0] - state.foot[stance, 0]))
+    def scuff(self) -> str:
+        """What to note of the scuff that has just begun or ended."""
+        row = self._row
+        if row["scuffs"]:
+            return f"the swing foot passes below the ground, {row['ahead']:+.3f} m from the stance foot"
+        return f"the swing foot is above the ground again: {1e3 * row['deepest']:.2f} mm deep, {row['lasted']} ticks"
 
-    def fall(self, state: PlantState) -> tuple[FallReason, str]:
-        """Reason for a fall and its figures; `FallReason.NONE` while the walker stands."""
-        c = self.criteria
-        height = float(state.hip[1] - min(state.foot[0, 1], state.foot[1, 1]))
-        tilt = float(state.q[-1])
-        if state.penetrating:
-            return FallReason.BODY_CONTACT, ", ".join(state.penetrating)
-        if self._depth > c.scuff_depth:
-            return FallReason.TRIPPED, f"{1e3 * self._depth:.1f} mm deep, at most {1e3 * c.scuff_depth:g} mm"
-        if height < c.hip_height:
-            return FallReason.HIP_LOW, f"{height:.3f} m above the lower foot, least {c.hip_height:g} m"
-        if abs(tilt) > c.torso_tilt:
-            return FallReason.TORSO_TILT, f"{tilt:.2f} rad, at most {c.torso_tilt} rad"
-        if state.t - self.last_impact > c.stall_time:
-            return FallReason.STALLED, f"{c.stall_time} s"
-        return FallReason.NONE, ""
+    def end(self, state: np.void) -> tuple[Outcome, FallReason, str]:
+        """How and why the run ends at a row of `STATE`, with the figures."""
+        c, row = self.criteria, self._row
+        falls = {
+            BODY_CONTACT: (FallReason.BODY_CONTACT, ", ".join(np.array(LINKS)[state["penetrating"] != 0])),
+            TRIPPED: (
+                FallReason.TRIPPED,
+                f"{1e3 * row['depth']:.1f} mm deep, at most {1e3 * c.scuff_depth:g} mm",
+            ),
+            HIP_LOW: (FallReason.HIP_LOW, f"{row['height']:.3f} m above the lower foot, least {c.hip_height:g} m"),
+            TORSO_TILT: (FallReason.TORSO_TILT, f"{state['q'][-1]:.2f} rad, at most {c.torso_tilt} rad"),
+            STALLED: (FallReason.STALLED, f"{c.stall_time} s"),
+            TIME_OVER: (FallReason.STALLED, f"time limit of {self.end_time} s"),
+        }
+        if row["reason"] == COMPLETED:
+            return Outcome.COMPLETED, FallReason.NONE, ""
+        return Outcome.FELL, *falls[int(row["reason"])]

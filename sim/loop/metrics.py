@@ -3,16 +3,14 @@
 import dataclasses
 import hashlib
 import math
-from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from sim.interface import JOINTS, ControlStep, PlantState, Vector
-from sim.loop.judge import FallCriteria, Judge, TouchDown
+from sim.interface import JOINTS, Vector
+from sim.loop.judge import FallCriteria, Scuffing, TouchDown
 from sim.loop.outcome import FallReason, Outcome, RunSummary
-from sim.loop.scuff import Scuffing
-
-BLOCK = 256  # [ticks]
+from sim.loop.ticks import Ticks
 
 
 class Durations:
@@ -26,9 +24,9 @@ class Durations:
         self._counts = np.zeros(2048, dtype=np.int64)
         self._longest = 0.0
 
-    def add(self, seconds: Sequence[float]) -> None:
+    def add(self, seconds: ArrayLike) -> None:
         """Count durations in [s]."""
-        times = np.array(seconds)
+        times = np.asarray(seconds, dtype=float)
         self._longest = max(self._longest, float(times.max(initial=0.0)))
         classes = (np.log(np.maximum(times, self._SHORTEST) / self._SHORTEST) / self._RATIO).astype(int)
         self._counts += np.bincount(np.minimum(classes, len(self._counts) - 1), minlength=len(self._counts))
@@ -53,67 +51,54 @@ class Metrics:
     def __init__(self) -> None:
         """Start empty."""
         self.ticks = 0
-        self._peak_torque: Vector = np.zeros(4)
-        self._pending: list[tuple[Vector, Vector, Vector, Vector]] = []
         self.slip = 0.0  # [m]
         self.friction_ratio = 0.0
         self.fallbacks = 0
         self.slack = 0.0
         self.solve = Durations()
         self.tick_time = Durations()
-        self._tick_s: list[float] = []
-        self._solve_s: list[float] = []
-        self._y2 = 0.0
+        self._peak_torque: Vector = np.zeros(4)
         self._torque2: Vector = np.zeros(4)
+        self._y2 = self._zd2 = self._mpc2 = 0.0
         self._start_x: float | None = None
-        self._stance_foot: tuple[int, float] | None = None
-        self._zd2 = 0.0
-        self._mpc2 = 0.0
-        self._step_times = 0.0
-        self._step_lengths = 0.0
+        self._foot: tuple[int, float] | None = None  # that stood at the last tick, and its x in [m]
+        self._step_times = self._step_lengths = 0.0
         self._steps = 0
 
-    def tick(self, state: PlantState, step: ControlStep, judge: Judge, tick_s: float) -> None:
-        """Take in one tick."""
-        self.ticks += 1
-        self._pending.append((state.torque, step.y, step.u_zd, step.u_mpc))
-        self._slide(state, judge.stance)
-        self.fallbacks += step.fallback
-        self.slack = max(self.slack, step.slack)
-        self._tick_s.append(tick_s)
-        if step.solve_s:
-            self._solve_s.append(step.solve_s)
-        if judge.settled(state.t):
-            tangential, normal = state.contact_force[judge.stance].tolist()
-            if normal > 0.0:
-                self.friction_ratio = max(self.friction_ratio, abs(tangential) / normal)
-        if len(self._pending) == BLOCK:
-            self._settle()
-
-    def _settle(self) -> None:
-        """Add up the vectors of the ticks since the last time; in blocks, as one at a time costs ten times as much."""
-        if not self._pending:
+    def take(self, ticks: Ticks) -> None:
+        """Take in ticks; sums depend on how a run is cut in their last digits, so that it is cut the same each time."""
+        if not len(ticks):
             return
-        torque, y, u_zd, u_mpc = np.array(self._pending).transpose(1, 0, 2)
-        self._pending.clear()
-        self.tick_time.add(self._tick_s)
-        self.solve.add(self._solve_s)
-        self._tick_s.clear()
-        self._solve_s.clear()
+        state, step, judged = ticks.state, ticks.step, ticks.judged
+        self.ticks += len(ticks)
+        self.tick_time.add(ticks.tick_s)
+        self.solve.add(step["solve_s"][step["solve_s"] > 0.0])
+        self.fallbacks += int(np.count_nonzero(step["fallback"]))
+        self.slack = float(np.fmax.reduce(step["slack"], initial=self.slack))
+        torque, y, u_zd, u_mpc = (
+            np.ascontiguousarray(column) for column in (state["torque"], step["y"], step["u_zd"], step["u_mpc"])
+        )
         np.maximum(self._peak_torque, np.abs(torque).max(axis=0), out=self._peak_torque)
         self._torque2 += np.square(torque).sum(axis=0)
         self._y2 += float(np.square(y).sum())
         self._zd2 += float(np.square(u_zd).sum())
         self._mpc2 += float(np.square(u_mpc).sum())
-
-    def _slide(self, state: PlantState, stance: int) -> None:
-        """Add up how far the stance foot moves along the ground while it touches it."""
         if self._start_x is None:
-            self._start_x = float(state.hip[0])
-        x = state.foot.item(stance, 0)
-        if self._stance_foot is not None and self._stance_foot[0] == stance and state.contact[stance]:
-            self.slip += abs(x - self._stance_foot[1])
-        self._stance_foot = (stance, x)
+            self._start_x = float(state["hip"][0, 0])
+        rows, stance = np.arange(len(ticks)), judged["stance"]
+        self._slide(state["foot"][rows, stance, 0], stance, state["contact"][rows, stance] != 0)
+        tangential, normal = state["contact_force"][rows, stance].T
+        counts = (judged["settled"] != 0) & (normal > 0.0)
+        ratios = np.abs(tangential[counts]) / normal[counts]
+        self.friction_ratio = float(np.fmax.reduce(ratios, initial=self.friction_ratio))
+
+    def _slide(self, x: Vector, stance: NDArray[np.int64], touches: NDArray[np.bool_]) -> None:
+        """Add up how far the stance foot moves along the ground while it touches it."""
+        foot, before = self._foot or (-1, 0.0)
+        moved = np.abs(np.diff(x, prepend=before))
+        same = np.diff(stance, prepend=foot) == 0
+        self.slip = float(np.cumsum(np.concatenate(([self.slip], moved[same & touches])))[-1])
+        self._foot = int(stance[-1]), float(x[-1])
 
     def touch_down(self, event: TouchDown) -> None:
         """Take in one completed step."""
@@ -127,7 +112,7 @@ class Metrics:
         outcome: Outcome,
         reason: FallReason,
         detail: str,
-        final: PlantState,
+        final: np.void,
         wall_s: float,
         torque_limits: Vector,
         criteria: FallCriteria,
@@ -140,18 +125,17 @@ class Metrics:
             outcome: How the run ended.
             reason: Why it counts as a fall.
             detail: Figures of the fall, or the message of an error or interruption.
-            final: The last state.
+            final: The last state, a row of `STATE`.
             wall_s: Wall time in [s].
             torque_limits: In [N.m], (4,), ordered as `JOINTS`.
             criteria: What the run was judged by.
             log: Path of the log.
             scuffing: The swing foot below the ground.
         """
-        self._settle()
         fell = outcome is Outcome.FELL
         finite = np.isfinite(torque_limits)
-        time_s = final.t
-        started = self._start_x if self._start_x is not None else float(final.hip[0])
+        time_s = float(final["t"])
+        started = self._start_x if self._start_x is not None else float(final["hip"][0])
         rms = np.sqrt(self._torque2 / self.ticks) if self.ticks else self._torque2
         return RunSummary(
             outcome=outcome.value,
@@ -167,7 +151,7 @@ class Metrics:
                 if is_finite
             },
             rms_torque_Nm=dict(zip(JOINTS, rms.tolist(), strict=True)),
-            speed_m_s=(float(final.hip[0]) - started) / time_s if time_s > 0.0 else None,
+            speed_m_s=(float(final["hip"][0]) - started) / time_s if time_s > 0.0 else None,
             slip_m=self.slip if self.ticks else None,
             ticks=self.ticks,
             state_digest=digest(final),
@@ -187,7 +171,7 @@ class Metrics:
         )
 
 
-def digest(state: PlantState) -> str:
-    """Fingerprint of a state: equal for states that are equal bit for bit."""
-    parts = (state.q, state.dq, state.hip, state.dhip)
+def digest(state: np.void) -> str:
+    """Fingerprint of a row of `STATE`: equal for states that are equal bit for bit."""
+    parts = (state[name] for name in ("q", "dq", "hip", "dhip"))
     return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()[:16]

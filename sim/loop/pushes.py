@@ -2,7 +2,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+import numpy as np
+
+from controller.compiled import compiled
 from sim.interface import AppliedForce
 from sim.scenario import Push
 
@@ -14,26 +18,83 @@ PERIOD = 1e-3  # [s], the usual control period
 ROUNDING = 1e-9  # [s], so that a window that begins "at tick 57" does, whatever 57 * 0.001 rounds to
 
 
-def is_active(push: Push, t: float, step: int, step_began: float = 0.0) -> bool:
-    """Whether a push acts in the hold that starts now.
+WINDOW = np.dtype(
+    [("step", np.int64), ("start", float), ("end", float), ("duration", float), ("impulse", np.int8)], align=True
+)
+"""When a push acts: in a step, -1 for any, from and to a time in [s], NaN for no limit; an impulse for a while."""
+
+
+@compiled
+def act(windows: Any, t: float, step: int, step_began: float, acting: Any) -> bool:
+    """Note which pushes act in the hold that starts now; whether any does.
 
     Without step and times a push acts throughout the run. A step and a time window together mean both.
 
     Args:
-        push: The push.
-        t: Time since the start of the run in [s]; the window is start <= t < end.
+        windows: When each acts.
+        t: Time since the start of the run in [s]; a window is start <= t < end.
         step: Number of the current step; the first is 1.
         step_began: Time at which it began in [s].
+        acting: Filled.
     """
-    if push.step is not None and step != push.step:
-        return False
-    start, end = push.start, push.end
-    if push.impulse is not None:
-        start = push.start if push.start is not None else step_began
-        end = start + push.duration
-    if start is not None and t < start - ROUNDING:
-        return False
-    return end is None or t < end - ROUNDING
+    found = False
+    for number in range(windows.shape[0]):
+        push = windows[number]
+        start, end = push.start, push.end
+        if push.impulse != 0:
+            start = step_began if math.isnan(start) else start
+            end = start + push.duration
+        acting[number] = (
+            (push.step < 0 or step == push.step)
+            and not t < start - ROUNDING
+            and (math.isnan(end) or t < end - ROUNDING)
+        )
+        found = found or acting[number]
+    return found
+
+
+class Pushes:
+    """The pushes of a run.
+
+    Attributes:
+        forces: What each exerts while it acts; without a point it attacks the link's centre of mass.
+        acting: Which act in the hold that starts now.
+    """
+
+    def __init__(self, pushes: Sequence[Push], com: CentresOfMass, period: float = PERIOD) -> None:
+        """Work out what does not change.
+
+        Args:
+            pushes: Of the scenario.
+            com: Centre of mass of each link in its own frame in [m].
+            period: Control period in [s], for impulses.
+        """
+        self.forces = tuple(applied_force(push, com, period) for push in pushes)
+        self.acting = np.zeros(len(pushes), dtype=bool)
+        nan = math.nan
+        self._windows = np.array(
+            [
+                (
+                    -1 if p.step is None else p.step,
+                    nan if p.start is None else p.start,
+                    nan if p.end is None else p.end,
+                    p.duration,
+                    p.impulse is not None,
+                )
+                for p in pushes
+            ],
+            dtype=WINDOW,
+        )
+
+    def look(self, t: float, step: int, step_began: float) -> bool:
+        """Find out which act in the hold that starts at t [s], in step number `step` since `step_began` in [s]."""
+        found: bool = act(self._windows, t, step, step_began, self.acting)
+        return found
+
+    @property
+    def applied(self) -> tuple[AppliedForce, ...]:
+        """The forces of those that act."""
+        return tuple(force for force, acts in zip(self.forces, self.acting, strict=True) if acts)
 
 
 def magnitude(push: Push, period: float) -> float:
@@ -57,25 +118,3 @@ def applied_force(push: Push, com: CentresOfMass, period: float = PERIOD) -> App
         point=com[push.body] if push.point is None else push.point,
         force=(force * math.cos(push.direction), force * math.sin(push.direction)),  # [N]
     )
-
-
-def active_forces(
-    pushes: Sequence[Push],
-    t: float,
-    step: int,
-    com: CentresOfMass,
-    *,
-    step_began: float = 0.0,
-    period: float = PERIOD,
-) -> tuple[AppliedForce, ...]:
-    """Forces that act in the hold that starts now.
-
-    Args:
-        pushes: Pushes of the scenario.
-        t: Time since the start of the run in [s].
-        step: Number of the current step; the first is 1.
-        com: Centre of mass of each link in its own frame in [m].
-        step_began: Time at which the current step began in [s], for impulses by step.
-        period: Control period in [s], for impulses.
-    """
-    return tuple(applied_force(push, com, period) for push in pushes if is_active(push, t, step, step_began))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from sim.interface import ControlStep, Observation, PlantState
+from sim.loop.ticks import Ticks
 
 Progress = Callable[[int, float], None]
 """Called now and then with completed steps and simulated time in [s]."""
@@ -13,36 +14,59 @@ Stop = Callable[[], str | None]
 
 
 class Tape(Protocol):
-    """Where ticks and events go; the recorder is one, `NoTape` another."""
+    """Where ticks and events go, in order; the recorder is one, `NoTape` another.
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """One tick."""
+    Ticks come in stretches: up to each event, and a few hundred at most.
+
+    Attributes:
+        frame_every: Ticks from one to the next whose `Ticks.frames` the tape looks at; 0 for none.
+    """
+
+    frame_every: int
+
+    def ticks(self, ticks: Ticks) -> None:
+        """The ticks since the last call."""
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
-        """Something that happened at a tick."""
+        """Something that happened at tick `k`; a landing before the tick itself is told, other things after it."""
 
 
 class NoTape:
     """Forgets everything."""
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Forget a tick."""
+    frame_every = 0
+
+    def ticks(self, ticks: Ticks) -> None:
+        """Forget ticks."""
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Forget an event."""
+
+
+class EachTick(NoTape):
+    """Takes a run tick by tick, as records; slow, for tests and for looking at short runs."""
+
+    def ticks(self, ticks: Ticks) -> None:
+        """Hand every tick on."""
+        for row in range(len(ticks)):
+            self.tick(ticks.first + row, *ticks.records(row), float(ticks.tick_s[row]))
+
+    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+        """One tick."""
 
 
 class Tapes:
     """Several tapes as one."""
 
     def __init__(self, *tapes: Tape) -> None:
-        """Args: tapes: told everything, in this order."""
+        """Args: tapes: told everything, in this order; the frames are those that the first to ask asks for."""
         self._tapes = tapes
+        self.frame_every = next((tape.frame_every for tape in tapes if tape.frame_every), 0)
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Hand a tick on."""
+    def ticks(self, ticks: Ticks) -> None:
+        """Hand ticks on."""
         for tape in self._tapes:
-            tape.tick(k, state, observation, step, tick_s)
+            tape.ticks(ticks)
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Hand an event on."""

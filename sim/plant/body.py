@@ -1,17 +1,34 @@
 """The compiled walker and all that is read from it once, whichever plant moves it."""
 
-import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.interface import COORDINATES, JOINTS, LEGS, AppliedForce, Plant, Vector
-from sim.plant.build import BODIES, build_spec
+from sim.interface import (
+    COORDINATES,
+    JOINTS,
+    LEGS,
+    LINKS,
+    OBSERVATION,
+    STATE,
+    STEP,
+    AppliedForce,
+    NoTorque,
+    Observation,
+    Plant,
+    PlantState,
+    Rows,
+    Vector,
+)
+from sim.plant.build import build_spec
 from sim.plant.kinematics import LegGeometry
+from sim.plant.rows import FORCE
 from sim.plant.terrain import Terrain
 from sim.scenario import PlantSettings
 from sim.scenario.plant import whole_substeps
@@ -27,8 +44,11 @@ class Walker(Plant, Protocol):
     data: mujoco.MjData
     legs: LegGeometry
 
+    def observe(self) -> Observation:
+        """What ideal sensors read now."""
 
-class Body:
+
+class Body(ABC):
     """A walker's MJCF with modelling errors applied, compiled, on its ground; the base of every plant.
 
     Attributes:
@@ -72,23 +92,71 @@ class Body:
         self.model = model = self._spec.compile()
         self.data = mujoco.MjData(model)
         self.legs = LegGeometry.of(model)
-        self._body_id = {name: model.body(name).id for name in BODIES}
+        self._body_ids = [model.body(name).id for name in LINKS]
         ipos = model.body_ipos
-        self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in self._body_id.items()}
+        self.com = {name: (float(ipos[i][0]), float(ipos[i][2])) for name, i in zip(LINKS, self._body_ids, strict=True)}
         self._actuators = np.array([model.actuator(name).id for name in JOINTS])
         limits: Vector = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
         self.torque_limits = limits[self._actuators]
+        self._ground = self.terrain.table()
+        self._state, self._seen, self._step = np.zeros(1, STATE), np.zeros(1, OBSERVATION), np.zeros(1, STEP)
+        self._applied: tuple[AppliedForce, ...] = ()
+        self.load(())
 
     @property
     def mjcf_text(self) -> str:
         """The model as compiled, modelling errors applied, as MJCF."""
         return str(self._spec.to_xml())
 
-    def _check_forces(self, forces: Sequence[AppliedForce]) -> None:
-        """Raises `UserError` where a force is put on no link."""
+    def load(self, forces: Sequence[AppliedForce]) -> None:
+        """Name the external forces that may act in the holds to come.
+
+        Raises:
+            UserError: a force is put on no link.
+        """
         for applied in forces:
-            if applied.body not in self._body_id:
-                raise UserError(f'force on body = "{applied.body}": must be one of {", ".join(BODIES)}')
+            if applied.body not in LINKS:
+                raise UserError(f'force on body = "{applied.body}": must be one of {", ".join(LINKS)}')
+        self._named = tuple(forces)
+        self._forces = np.array([(LINKS.index(f.body), f.point, f.force) for f in forces], dtype=FORCE)
+
+    @abstractmethod
+    def look(self, state: Rows, seen: Rows, i: int) -> None:
+        """Fill row `i` of `state` with the truth now and of `seen` with what ideal sensors read; see `Plant`."""
+
+    @abstractmethod
+    def move(self, step: Rows, i: int, acting: NDArray[np.bool_]) -> None:
+        """Hold what row `i` commands; see `Plant`."""
+
+    def state(self) -> PlantState:
+        """The truth now; contact forces are zero before the first hold."""
+        self.look(self._state, self._seen, 0)
+        return PlantState.of(self._state[0], self._applied)
+
+    def observe(self) -> Observation:
+        """What ideal sensors read now."""
+        self.look(self._state, self._seen, 0)
+        row = self._seen[0]
+        left, right = (bool(flag) for flag in row["contact"])
+        return Observation(t=float(row["t"]), q=row["q"].copy(), dq=row["dq"].copy(), contact=(left, right))
+
+    def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
+        """Hold a commanded torque and external forces for one control period.
+
+        Args:
+            u: Commanded joint torque in [N.m], (4,), ordered as `JOINTS`; the plant saturates it.
+            forces: External forces throughout the hold.
+
+        Raises:
+            ValueError: `u` is not finite or not four numbers: a defect of the controller.
+            PlantDiverged: the state is not finite any more.
+        """
+        if len(u) != len(JOINTS):
+            raise no_torque(u)
+        self.load(forces)
+        self._step["u_total"][0] = u
+        self.move(self._step, 0, np.ones(len(forces), dtype=bool))
+        self._applied = self._named
 
 
 def check_start(q: Vector, dq: Vector, stance: str) -> int:
@@ -111,7 +179,6 @@ def check_start(q: Vector, dq: Vector, stance: str) -> int:
     return LEGS.index(stance)
 
 
-def check_torque(u: Vector) -> None:
-    """Raises `ValueError` where a command in [N.m] is not finite or not four numbers: a defect of the controller."""
-    if len(u) != len(JOINTS) or not math.isfinite(sum(u.tolist())):
-        raise ValueError(f"u = {u} [N.m]: must be {len(JOINTS)} finite torques, ordered as {JOINTS}")
+def no_torque(u: Vector) -> NoTorque:
+    """What is wrong where a command in [N.m] is not finite: a defect of the controller."""
+    return NoTorque(f"u = {u} [N.m]: must be {len(JOINTS)} finite torques, ordered as {JOINTS}")

@@ -8,11 +8,9 @@ import mujoco
 import numpy as np
 
 from sim.errors import UserError
-from sim.interface import FEET, JOINTS, LEGS
+from sim.interface import FEET, JOINTS, LEGS, LINKS
 from sim.plant.terrain import Terrain
 from sim.scenario import PlantSettings
-
-BODIES = ("torso", "left_femur", "left_tibia", "right_femur", "right_tibia")
 
 INTEGRATORS = {
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
@@ -125,7 +123,7 @@ def _lay_ground(spec: mujoco.MjSpec, part: Part, terrain: Terrain) -> None:
 
 def _set_links(settings: PlantSettings, part: Part) -> None:
     """Mass, inertia, centre of mass and length of every link."""
-    for name in BODIES:
+    for name in LINKS:
         body = part("body", name)
         offset = getattr(settings.mass_offset, name)
         factor = getattr(settings.mass_factor, name) + offset / float(body.mass)

@@ -2,7 +2,10 @@
 
 from collections.abc import Sequence
 
-from sim.interface import AppliedForce, Observation, Plant, PlantState, Vector
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.interface import STEP, AppliedForce, Observation, Plant, Rows, Vector
 from sim.plant.actuation import Actuation
 from sim.plant.sensors import Sensors
 
@@ -22,20 +25,27 @@ class InstrumentedPlant:
             actuation: Between the controller's command and its joints.
         """
         self._plant, self._sensors, self._actuation = plant, sensors, actuation
+        self._held = np.zeros(1, STEP)
         self.com, self.torque_limits = plant.com, plant.torque_limits
 
     def reset(self, q: Vector, dq: Vector, stance: str) -> None:
         """Put the walker on its stance foot; see `Plant.reset`. Sensors and motors must be new."""
         self._plant.reset(q, dq, stance)
 
-    def observe(self) -> Observation:
-        """What the sensors tell now; to be called once a tick."""
-        return self._sensors.read(self._plant.observe())
+    def load(self, forces: Sequence[AppliedForce]) -> None:
+        """Name the external forces that may act; see `Plant.load`."""
+        self._plant.load(forces)
 
-    def state(self) -> PlantState:
-        """The truth now."""
-        return self._plant.state()
+    def look(self, state: Rows, seen: Rows, i: int) -> None:
+        """The truth now, and what the sensors tell of it; to be called once a tick."""
+        self._plant.look(state, seen, i)
+        row = seen[i]
+        left, right = row["contact"].tolist()
+        truth = Observation(t=float(row["t"]), q=row["q"].copy(), dq=row["dq"].copy(), contact=(left != 0, right != 0))
+        told = self._sensors.read(truth)
+        row["q"], row["dq"], row["contact"] = told.q, told.dq, told.contact
 
-    def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
-        """Hold what the motors make of a commanded torque in [N.m], (4,); see `Plant.hold`."""
-        self._plant.hold(self._actuation.apply(u), forces)
+    def move(self, step: Rows, i: int, acting: NDArray[np.bool_]) -> None:
+        """Hold what the motors make of the torque commanded in row `i`; see `Plant.move`."""
+        self._held["u_total"][0] = self._actuation.apply(step["u_total"][i])
+        self._plant.move(self._held, 0, acting)

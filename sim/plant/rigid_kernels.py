@@ -6,13 +6,26 @@ The pin does no work along T, so T' (M (T ddq + s) + c - tau) = 0 gives ddq, and
 the ground pushes, give F. Joint vectors (5,) are ordered as `sim.interface.COORDINATES`.
 """
 
+import math
 from typing import Any
 
 import numpy as np
+from numba import carray
 from numpy.typing import NDArray
 
 from controller.compiled import compiled
 from controller.products import applied
+from sim.plant.engine import (
+    mj_applyFT,
+    mj_comPos,
+    mj_comVel,
+    mj_fullM,
+    mj_kinematics,
+    mj_makeM,
+    mj_rne,
+    pointer,
+)
+from sim.plant.rows import COS, INTERCEPT, SIN, TAN, facet_under, height_under
 
 Array = NDArray[np.float64]
 Work = NDArray[np.void]
@@ -21,9 +34,33 @@ Work = NDArray[np.void]
 TORSO = 4
 HIP_X, HIP_Z = 0, 1
 STAGES = 4  # of RK4
+ALL, NO_TORQUE = -1, -2
+"""How a hold ended: all substeps taken, or none; else the number of the substep in which the swing foot lands."""
 
 WORK = np.dtype(
     [
+        ("model", np.int64),  # addresses
+        ("data", np.int64),
+        ("qpos", np.int64),
+        ("qvel", np.int64),
+        ("xpos", np.int64),
+        ("xmat", np.int64),
+        ("M_at", np.int64),  # of this record's own M and so on
+        ("bias_at", np.int64),
+        ("applied_at", np.int64),
+        ("pushing_at", np.int64, (3,)),
+        ("nbody", np.int64),
+        ("bodies", np.int64, (5,)),  # MuJoCo's numbers of the links
+        ("capsules", float, (3, 2)),  # [m] length and thickness of torso and femurs
+        ("limits", float, (4,)),  # [N.m]
+        ("period", float),  # [s]
+        ("substeps", np.int64),
+        ("ticks", np.int64),
+        ("now", float, (10,)),  # angles and rates
+        ("torque", float, (4,)),  # [N.m] held
+        ("push", float, (2,)),  # [N] sum of the forces held
+        ("force_time", float, (2, 2)),  # [N.s] ground's impulse (x, z) on each foot over the hold
+        ("pushing", float, (3, 3)),  # force, torque and point for MuJoCo
         ("hip", np.int64, (2,)),  # addresses of hip x and hip z in MuJoCo's vectors
         ("q", np.int64, (5,)),  # addresses of the five angles
         ("damping", float, (7,)),  # [N.m.s/rad] of every degree of freedom
@@ -39,15 +76,17 @@ WORK = np.dtype(
         ("start", float, (12,)),  # angles, rates, and the ground's impulse (x, z) on the foot at the start of a step
         ("y", float, (12,)),  # the same at the present stage, and at the end of the step
         ("slopes", float, (STAGES, 12)),  # its derivatives
-    ]
+    ],
+    align=True,
 )
 """What the pinned walker is and the work space of its equations; SI units."""
 
 
 @compiled
-def place(work: Work, q: Array, dq: Array, qpos: Array, qvel: Array) -> None:
+def place(work: Work, q: Array, dq: Array) -> None:
     """Write MuJoCo's position and velocity of the walker whose pinned foot rests on the foothold."""
     w: Any = work[0]
+    qpos, qvel = carray(pointer(w.qpos), (7,)), carray(pointer(w.qvel), (7,))
     leg = w.leg
     femur, tibia = w.lengths[leg, 0], w.lengths[leg, 1]
     a = q[TORSO] + q[leg]
@@ -176,7 +215,7 @@ def _slope(work: Work, y: Array, dy: Array) -> None:
 
 
 @compiled
-def begin(work: Work, q: Array, dq: Array, qpos: Array, qvel: Array) -> None:
+def begin(work: Work, q: Array, dq: Array) -> None:
     """Start a step of RK4 at (q, dq), with no impulse so far, and write where MuJoCo has to look first."""
     w: Any = work[0]
     for i in range(5):
@@ -184,11 +223,11 @@ def begin(work: Work, q: Array, dq: Array, qpos: Array, qvel: Array) -> None:
         w.start[5 + i] = dq[i]
     w.start[10:] = 0.0
     w.y[:] = w.start
-    place(work, q, dq, qpos, qvel)
+    place(work, q, dq)
 
 
 @compiled
-def stage(work: Work, number: int, h: float, qpos: Array, qvel: Array) -> None:
+def stage(work: Work, number: int, h: float) -> None:
     """A stage of RK4 over h [s]: the slope where MuJoCo has looked, then y for the next stage, or the end."""
     w: Any = work[0]
     start, y, slopes = w.start, w.y, w.slopes
@@ -200,7 +239,7 @@ def stage(work: Work, number: int, h: float, qpos: Array, qvel: Array) -> None:
     ahead = h if number == 2 else 0.5 * h
     for i in range(12):
         y[i] = start[i] + ahead * slopes[number, i]
-    place(work, y[:5], y[5:10], qpos, qvel)
+    place(work, y[:5], y[5:10])
 
 
 @compiled
@@ -237,3 +276,142 @@ def strike(work: Work, q: Array, before: Array, after: Array, impulse: Array, ol
         row = hip[axis]
         impulse[axis] = new_momentum[row] - momentum[row]
         old_foot[axis] = new_velocity[row] - hip_of_pinned[row]
+
+
+@compiled
+def weigh(work: Work) -> None:
+    """Inertia matrix where the walker has been placed."""
+    w: Any = work[0]
+    mj_kinematics(w.model, w.data)
+    mj_comPos(w.model, w.data)
+    mj_makeM(w.model, w.data)
+    mj_fullM(w.model, w.data, w.M_at)
+
+
+@compiled
+def load(work: Work, forces: Any, acting: Any) -> None:
+    """Generalised forces of motors and of the pushes that act, where the walker has been placed."""
+    w: Any = work[0]
+    w.applied[:] = 0.0
+    for j in range(4):
+        w.applied[w.q[j]] = w.torque[j]
+    if forces.shape[0] == 0:
+        return
+    xpos, xmat = carray(pointer(w.xpos), (w.nbody, 3)), carray(pointer(w.xmat), (w.nbody, 9))
+    force, point = w.pushing[0], w.pushing[2]
+    for number in range(forces.shape[0]):
+        if acting[number]:
+            push = forces[number]
+            body = w.bodies[push.link]
+            for axis in range(3):
+                along = xmat[body, 3 * axis] * push.point[0] + xmat[body, 3 * axis + 2] * push.point[1]
+                point[axis] = xpos[body, axis] + along
+            force[0], force[2] = push.force[0], push.force[1]
+            mj_applyFT(w.model, w.data, w.pushing_at[0], w.pushing_at[1], w.pushing_at[2], np.int32(body), w.applied_at)
+
+
+@compiled
+def after(work: Work, forces: Any, acting: Any, q: Array, dq: Array, h: float) -> None:
+    """Fill y with angles and rates h [s] later under the load, and the ground's impulse over h in [N.s], (12,)."""
+    w: Any = work[0]
+    begin(work, q, dq)
+    for number in range(STAGES):
+        weigh(work)
+        mj_comVel(w.model, w.data)
+        mj_rne(w.model, w.data, np.int32(0), w.bias_at)
+        load(work, forces, acting)
+        stage(work, number, h)
+
+
+@compiled
+def swing_height(work: Work, ground: Array, q: Array, dq: Array) -> tuple[float, float, float]:
+    """Swing foot: distance ahead of the stance foot, height over the ground in [m], its rate in [m/s]."""
+    w: Any = work[0]
+    x, z, dx, dz = swing_foot(work, q, dq)
+    at = w.foothold[0] + x
+    facet = facet_under(ground, at)
+    height = w.foothold[1] + z - (ground[facet, INTERCEPT] + ground[facet, TAN] * at)
+    return x, height, dz - ground[facet, TAN] * dx
+
+
+@compiled
+def take(work: Work) -> None:
+    """Make the result of `after` the present."""
+    w: Any = work[0]
+    for i in range(10):
+        w.now[i] = w.y[i]
+    for axis in range(2):
+        w.force_time[w.leg, axis] += w.y[10 + axis]
+
+
+@compiled
+def start_hold(work: Work, step: Any, i: int, forces: Any, acting: Any) -> bool:
+    """Take over the torque of row `i`, saturated, and the forces that act; whether the torque is one."""
+    w: Any = work[0]
+    u = step[i].u_total
+    if not math.isfinite(u[0] + u[1] + u[2] + u[3]):
+        return False
+    for j in range(4):
+        w.torque[j] = min(max(u[j], -w.limits[j]), w.limits[j])
+    w.push[:] = 0.0
+    for number in range(forces.shape[0]):
+        if acting[number]:
+            w.push[0] += forces[number].force[0]
+            w.push[1] += forces[number].force[1]
+    w.force_time[:, :] = 0.0
+    return True
+
+
+@compiled
+def hold(work: Work, ground: Array, forces: Any, acting: Any, first: int) -> int:
+    """Take the substeps of a hold from the first on, up to the one in which the swing foot lands; see `ALL`."""
+    w: Any = work[0]
+    duration = w.period / w.substeps
+    q, dq = w.now[:5], w.now[5:]
+    for substep in range(first, w.substeps):
+        after(work, forces, acting, q, dq, duration)
+        _, before, _ = swing_height(work, ground, q, dq)
+        ahead, height, _ = swing_height(work, ground, w.y[:5], w.y[5:10])
+        if height <= 0.0 and before > 0.0 and ahead > 0.0:
+            return substep
+        take(work)
+    w.ticks += 1
+    return ALL
+
+
+@compiled
+def look(work: Work, ground: Array, state: Any, seen: Any, i: int) -> None:
+    """Fill row `i` of the truth and of what ideal sensors read; forces leave the impulse of an impact out."""
+    w: Any = work[0]
+    s, o = state[i], seen[i]
+    q, dq = w.now[:5], w.now[5:]
+    place(work, q, dq)
+    qpos, qvel = carray(pointer(w.qpos), (7,)), carray(pointer(w.qvel), (7,))
+    s.t = o.t = w.ticks * w.period
+    for j in range(5):
+        s.q[j] = o.q[j] = q[j]
+        s.dq[j] = o.dq[j] = dq[j]
+    for j in range(4):
+        s.torque[j] = w.torque[j]
+    x, z, _, _ = swing_foot(work, q, dq)
+    for j in range(2):
+        s.hip[j], s.dhip[j] = qpos[w.hip[j]], qvel[w.hip[j]]
+        s.push[j] = w.push[j]
+        s.contact[j] = o.contact[j] = w.leg == j
+        s.foot[w.leg, j] = w.foothold[j]
+    s.foot[1 - w.leg, 0], s.foot[1 - w.leg, 1] = w.foothold[0] + x, w.foothold[1] + z
+    for foot in range(2):
+        facet = facet_under(ground, s.foot[foot, 0])
+        cos, sin = ground[facet, COS], ground[facet, SIN]
+        s.clearance[foot] = (s.foot[foot, 1] - (ground[facet, INTERCEPT] + ground[facet, TAN] * s.foot[foot, 0])) * cos
+        fx, fz = w.force_time[foot, 0] / w.period, w.force_time[foot, 1] / w.period
+        s.contact_force[foot, 0] = fx * cos + fz * sin
+        s.contact_force[foot, 1] = fz * cos - fx * sin
+    hip_height = s.hip[1] - height_under(ground, s.hip[0])
+    s.penetrating[:] = 0
+    for link in range(3):  # the capsules of those that the other plant senses
+        angle = q[TORSO] if link == 0 else q[TORSO] + q[link - 1]
+        length, thickness = w.capsules[link, 0], w.capsules[link, 1]
+        end_x, end_z = s.hip[0] - length * math.sin(angle), s.hip[1] + length * math.cos(angle)
+        if hip_height < thickness or end_z - height_under(ground, end_x) < thickness:
+            s.penetrating[(0, 1, 3)[link]] = 1

@@ -6,24 +6,24 @@ under the held torque. The pin pulls as well as it pushes and never slips: a nor
 above the floor's friction is not prevented, but stands in the log.
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.errors import PlantDiverged, UserError
-from sim.interface import LEGS, AppliedForce, Observation, PlantState, Vector
-from sim.plant.body import DETECTED_LINKS, Body, check_start, check_torque
+from sim.interface import LEGS, Rows, Vector
+from sim.plant import rigid_kernels as kernels
+from sim.plant.body import DETECTED_LINKS, Body, check_start, no_torque
 from sim.plant.rigid_walker import PinnedWalker
 from sim.scenario import PlantSettings
 from sim.scenario.per_link import JointTorques
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
 EPS = float(np.finfo(float).eps)
-HEIGHT = 1  # of what `_swing_foot` returns
+HEIGHT = 1  # of what `swing_height` returns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,7 +56,7 @@ class RigidPlant(Body):
     The feet are points: the sphere of the MJCF plays no part.
 
     Attributes:
-        impact: The last impact, None before the first.
+        impacts: All since the start.
     """
 
     def __init__(
@@ -84,20 +84,25 @@ class RigidPlant(Body):
         if settings.joint_friction != JointTorques():
             raise UserError('plant.joint_friction: the rigid plant has none; must be 0, or plant.kind = "mujoco"')
         super().__init__(settings, model_path, control_period, seed=seed, walk_length=walk_length)
-        self._walker = PinnedWalker(self.model, self.data, self.legs)
+        self._walker = PinnedWalker(self.model, self.data, self.legs, self._forces)
+        work = self._work = self._walker.work
         sizes = [self.model.geom(name).size for name in DETECTED_LINKS]
-        self._capsules = [(2.0 * float(size[1]), float(size[0])) for size in sizes]  # [m] length, thickness
+        work["capsules"] = [(2.0 * float(size[1]), float(size[0])) for size in sizes]
+        work["bodies"], work["limits"] = self._body_ids, self.torque_limits
+        work["period"], work["substeps"] = self.period, self.substeps
         self._begin()
 
     def _begin(self) -> None:
-        self._ticks = 0
-        self._q, self._dq = np.zeros(5), np.zeros(5)
+        work = self._work
+        work["ticks"] = work["now"] = work["torque"] = work["push"] = work["force_time"] = 0
         self._walker.leg, self._walker.foothold[:] = 0, (0.0, self.terrain.height(0.0))
-        self._torque = np.zeros(4)  # [N.m]
-        self._force_time = np.zeros((2, 2))  # [N.s] ground force (x, z) on each foot, integrated over the hold
-        self._push = np.zeros(2)  # [N]
-        self._forces: tuple[AppliedForce, ...] = ()
-        self.impact: Impact | None = None
+        self._applied = ()
+        self.impacts: list[Impact] = []
+
+    @property
+    def impact(self) -> Impact | None:
+        """The last impact, None before the first."""
+        return self.impacts[-1] if self.impacts else None
 
     def reset(self, q: Vector, dq: Vector, stance: str) -> None:
         """Put the walker on its stance foot.
@@ -115,133 +120,65 @@ class RigidPlant(Body):
         """
         leg = check_start(q, dq, stance)
         self._begin()
-        self._q, self._dq = np.array(q, dtype=float), np.array(dq, dtype=float)
-        self._walker.leg = leg
-        ahead, height, rate = self._swing_foot(self._q, self._dq)
+        walker = self._walker
+        walker.q[:], walker.dq[:], walker.leg = q, dq, leg
+        ahead, height, rate = kernels.swing_height(self._work, self._ground, walker.q, walker.dq)
         if abs(height) <= ON_GROUND and ahead > 0.0 and rate < 0.0:
             self._land(0.0)
 
-    def observe(self) -> Observation:
-        """What ideal sensors read now."""
-        return Observation(t=self._ticks * self.period, q=self._q.copy(), dq=self._dq.copy(), contact=self._contact())
+    def look(self, state: Rows, seen: Rows, i: int) -> None:
+        """Fill row `i` of `state` with the truth now and of `seen` with what ideal sensors read; see `Plant`."""
+        kernels.look(self._work, self._ground, state, seen, i)
 
-    def state(self) -> PlantState:
-        """The truth now; contact forces leave the impulse of an impact out, and are zero before the first hold."""
-        walker = self._walker
-        hip, dhip = walker.place(self._q, self._dq)
-        other = walker.foothold + walker.swing_foot(self._q, self._dq)[:2]
-        foot = np.array((walker.foothold, other) if walker.leg == 0 else (other, walker.foothold))
-        clearance, contact_force = [], []
-        for (x, z), (fx, fz) in zip(foot.tolist(), (self._force_time / self.period).tolist(), strict=True):
-            ground = self.terrain.under(x)
-            cos, sin = math.cos(ground.angle), math.sin(ground.angle)
-            clearance.append((z - ground.height(x)) * cos)
-            contact_force.append((fx * cos + fz * sin, fz * cos - fx * sin))
-        return PlantState(
-            t=self._ticks * self.period,
-            q=self._q.copy(),
-            dq=self._dq.copy(),
-            hip=hip,
-            dhip=dhip,
-            foot=foot,
-            clearance=np.array(clearance),
-            torque=self._torque.copy(),
-            contact=self._contact(),
-            contact_force=np.array(contact_force),
-            push=self._push.copy(),
-            penetrating=self._penetrating(hip.tolist()),
-            applied=self._forces,
-        )
-
-    def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
-        """Hold a commanded torque and external forces for one control period.
-
-        Args:
-            u: Commanded joint torque in [N.m], (4,), ordered as `JOINTS`; saturated at the limits.
-            forces: External forces throughout the hold, each at its point of the moving link.
+    def move(self, step: Rows, i: int, acting: NDArray[np.bool_]) -> None:
+        """Hold what row `i` commands, forces at their points of the moving links; see `Plant`.
 
         Raises:
-            ValueError: `u` is not finite or not four numbers: a defect of the controller.
+            ValueError: the torque is not finite: a defect of the controller.
             PlantDiverged: the state is not finite any more.
         """
-        check_torque(u)
-        self._check_forces(forces)
-        self._torque = np.clip(u, -self.torque_limits, self.torque_limits)
-        self._forces = tuple(forces)
-        self._push = np.sum([applied.force for applied in forces], axis=0) if forces else np.zeros(2)
-        self._walker.load(self._torque, self._forces)
-        self._force_time[:] = 0.0
-        step = self.period / self.substeps
-        for substep in range(self.substeps):
-            self._advance(self._ticks * self.period + substep * step, step)
-        self._ticks += 1
-        if not math.isfinite(sum(self._q.tolist()) + sum(self._dq.tolist())):
+        work, walker = self._work, self._walker
+        walker.forces, walker.acting = self._forces, acting
+        if not kernels.start_hold(work, step, i, self._forces, acting):
+            raise no_torque(step[i]["u_total"])
+        ticks = int(work["ticks"][0])
+        duration = self.period / self.substeps
+        substep = kernels.hold(work, self._ground, self._forces, acting, 0)
+        while substep != kernels.ALL:
+            self._advance(ticks * self.period + substep * duration, duration)
+            substep = kernels.hold(work, self._ground, self._forces, acting, substep + 1)
+        if not np.isfinite(work["now"]).all():
             raise PlantDiverged(
-                f"the plant diverged in the hold up to t = {self._ticks * self.period:.3f} s: "
-                f"q = {self._q.tolist()}, dq = {self._dq.tolist()}"
+                f"the plant diverged in the hold up to t = {(ticks + 1) * self.period:.3f} s: "
+                f"q = {walker.q.tolist()}, dq = {walker.dq.tolist()}"
             )
 
     def _advance(self, t: float, duration: float) -> None:
         """One step of integration, cut at an impact if there is one in it."""
-        y = self._walker.after(self._q, self._dq, duration)
-        before = self._swing_foot(self._q, self._dq)[HEIGHT]
-        ahead, height, _ = self._swing_foot(y[:5], y[5:10])
+        walker, work, ground = self._walker, self._work, self._ground
+        q, dq = walker.q.copy(), walker.dq.copy()
+        y = walker.after(q, dq, duration)
+        _, before, _ = kernels.swing_height(work, ground, q, dq)
+        ahead, height, _ = kernels.swing_height(work, ground, y[:5], y[5:10])
         if not (height <= 0.0 < before and ahead > 0.0):
-            self._take(y)
+            kernels.take(work)
             return
 
         def height_at(tau: float) -> float:
-            there = self._walker.after(self._q, self._dq, tau)
-            return self._swing_foot(there[:5], there[5:10])[HEIGHT]
+            there = walker.after(q, dq, tau)
+            found: float = kernels.swing_height(work, ground, there[:5], there[5:10])[HEIGHT]
+            return found
 
         tau = float(brentq(height_at, 0.0, duration, xtol=EPS * duration, rtol=4 * EPS))
-        self._take(self._walker.after(self._q, self._dq, tau))
+        walker.after(q, dq, tau)
+        kernels.take(work)
         self._land(t + tau)
         if tau < duration:
             self._advance(t + tau, duration - tau)
 
-    def _take(self, y: Vector) -> None:
-        """Make the result of a step the present."""
-        self._q, self._dq = y[:5], y[5:10]
-        self._force_time[self._walker.leg] += y[10:]
-
     def _land(self, t: float) -> None:
         """The swing foot becomes the stance foot."""
-        stance = LEGS[self._walker.leg]
-        after, impulse, old_foot = self._walker.strike(self._q, self._dq)
-        self.impact = Impact(
-            t=t,
-            stance=stance,
-            q=self._q,
-            dq=self._dq,
-            dq_after=after,
-            impulse=impulse,
-            old_foot=old_foot,
-        )
-        self._dq = after
-
-    def _swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
-        """Swing foot: distance ahead of the stance foot, height over the ground in [m], its rate in [m/s]."""
-        x, z, dx, dz = self._walker.swing_foot(q, dq)
-        foot_x, foot_z = self._walker.foothold.tolist()
-        at = foot_x + x
-        ground = self.terrain.under(at)
-        height = foot_z + z - ground.height(at)
-        return x, height, dz - math.tan(ground.angle) * dx
-
-    def _contact(self) -> tuple[bool, bool]:
-        return self._walker.leg == 0, self._walker.leg == 1
-
-    def _penetrating(self, hip: Sequence[float]) -> tuple[str, ...]:
-        """Links whose capsule reaches the ground, of those the other plant senses."""
-        left, right, _, _, torso = self._q.tolist()
-        x, z = hip
-        hip_height = z - self.terrain.height(x)
-        found = []
-        for name, angle, (length, thickness) in zip(
-            DETECTED_LINKS, (torso, torso + left, torso + right), self._capsules, strict=True
-        ):
-            end_x, end_z = x - length * math.sin(angle), z + length * math.cos(angle)
-            if hip_height < thickness or end_z - self.terrain.height(end_x) < thickness:
-                found.append(name)
-        return tuple(found)
+        walker = self._walker
+        stance, q, dq = LEGS[walker.leg], walker.q.copy(), walker.dq.copy()
+        after, impulse, old_foot = walker.strike()
+        self.impacts.append(Impact(t=t, stance=stance, q=q, dq=dq, dq_after=after, impulse=impulse, old_foot=old_foot))

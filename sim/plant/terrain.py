@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.scenario import GroundSettings
@@ -73,6 +74,11 @@ class Terrain:
             x: Horizontal position in [m].
         """
         return self.facets[max(0, bisect_right(self._starts, x) - 1)]
+
+    def table(self) -> NDArray[np.float64]:
+        """The facets as compiled code takes them: start, cosine, sine, intercept, tangent, (n, 5)."""
+        rows = [(f.x0, math.cos(f.angle), math.sin(f.angle), f.intercept, math.tan(f.angle)) for f in self.facets]
+        return np.array(rows)
 
     def outline(self, start: float, end: float) -> tuple[tuple[float, float], ...]:
         """The ground as a line through (x, z) in [m] from `start` to `end`; where it jumps, two points share x."""

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interface import ControlStep, Observation, PlantState, Vector
-from sim.loop import NoTape, Outcome
+from sim.interface import Vector
+from sim.loop import NoTape, Outcome, Ticks
 from sim.scenario import Scenario, from_toml, with_values
 from sim.stability.rig import Rig
 
@@ -15,29 +15,28 @@ _SWAPPED = np.array([1, 0, 3, 2])
 OUTCOMES = tuple(outcome.value for outcome in Outcome)
 
 
-class Record:
+class Record(NoTape):
     """A tape in memory: what the figures are made of; joints in stance order."""
 
     def __init__(self, limits: Vector) -> None:
         """Args: limits: torque limits in [N.m], (4,), body order."""
         self._limits = limits
-        self._rows: list[tuple[NDArray[np.float64], ...]] = []
-        self._forces: list[Vector] = []
-        self._stance: list[int] = []
-        self._scalars: list[tuple[float, float, float]] = []
+        self._parts: list[tuple[NDArray[Any], ...]] = []
         self._landed: list[int] = []
-        self._last: PlantState | None = None
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Keep one tick."""
-        order = slice(None) if step.stance == "left" else _SWAPPED
-        applied = np.clip(step.u_total, -self._limits, self._limits)
-        joints = (step.u_zd, step.u_mpc, step.u_total, applied)
-        self._rows.append((state.q, step.y, step.dy, *(u[order] for u in joints), state.hip, state.foot.ravel()))
-        self._forces.append(state.contact_force)
-        swing = 1 if step.stance == "left" else 0
-        self._scalars.append((step.slack, float(state.clearance[swing]), step.impact_in))
-        self._stance.append(0 if step.stance == "left" else 1)
+    def ticks(self, ticks: Ticks) -> None:
+        """Keep ticks."""
+        state, step = ticks.state, ticks.step
+        self._parts.append(
+            tuple(
+                column.copy()
+                for column in (
+                    state["q"], step["y"], step["dy"], step["u_zd"], step["u_mpc"], step["u_total"], state["hip"],
+                    state["foot"].reshape(-1, 4), state["contact_force"], state["clearance"], step["slack"],
+                    step["impact_in"], step["stance"],
+                )
+            )
+        )  # fmt: skip
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Keep when a foot lands."""
@@ -53,20 +52,26 @@ class Record:
         "clearance" (n,) of the swing foot over the ground, "impact_in" (n,) ticks to the impact the controller
         expects, -1 for none, "landed" ticks of the touch-downs.
         """
-        names = ("q", "y", "dy", "u_zd", "u_mpc", "u", "torque", "hip", "foot")
-        columns = dict(zip(names, (np.array(column) for column in zip(*self._rows, strict=True)), strict=True))
-        stance = np.array(self._stance)
-        slack, clearance, impact_in = np.array(self._scalars).T
+        columns = [np.concatenate(parts) for parts in zip(*self._parts, strict=True)]
+        q, y, dy, u_zd, u_mpc, u, hip, foot, forces, clearances, slack, impact_in, stance = columns
+        rows = np.arange(len(stance))
+        order = np.where(stance[:, None] == 0, np.arange(4), _SWAPPED)
+        joints = {"u_zd": u_zd, "u_mpc": u_mpc, "u": u, "torque": np.clip(u, -self._limits, self._limits)}
         # The state of tick k + 1 carries the mean force over hold k.
-        over_hold = np.array([*self._forces[1:], np.full((2, 2), np.nan)])
+        over_hold = np.concatenate((forces[1:], np.full((1, 2, 2), np.nan)))
         return {
-            "t": np.arange(len(stance)) * period,
-            **columns,
-            "force": over_hold[np.arange(len(stance)), stance],
+            "t": rows * period,
+            "q": q,
+            "y": y,
+            "dy": dy,
+            **{name: values[rows[:, None], order] for name, values in joints.items()},
+            "hip": hip,
+            "foot": foot,
+            "force": over_hold[rows, stance],
             "stance": stance,
             "slack": slack,
-            "clearance": clearance,
-            "impact_in": impact_in.astype(int),
+            "clearance": clearances[rows, 1 - stance],
+            "impact_in": impact_in,
             "landed": np.array(self._landed, dtype=int),
         }
 

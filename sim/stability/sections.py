@@ -8,7 +8,8 @@ import math
 
 import numpy as np
 
-from sim.interface import LEGS, ControlStep, Observation, PlantState, Vector
+from sim.interface import LEGS, PlantState, Vector
+from sim.loop import NoTape, Ticks
 from sim.plant.kinematics import LegGeometry
 
 _SWAPPED = np.array([1, 0, 3, 2, 4])
@@ -76,7 +77,7 @@ class Surface:
         return np.concatenate((q + tau * dq + 0.5 * tau * tau * ddq, dq + tau * ddq))
 
 
-class SectionTape:
+class SectionTape(NoTape):
     """A tape that keeps the section state of every impact (`sim.loop.tape.Tape`).
 
     A plant that locates its impacts itself (the rigid one, by its attribute `impact`) is asked; for any other
@@ -94,9 +95,10 @@ class SectionTape:
         self._earlier: PlantState | None = None
         self._later: PlantState | None = None
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
+    def ticks(self, ticks: Ticks) -> None:
         """Remember the last two ticks."""
-        self._earlier, self._later = self._later, state
+        last = [PlantState.of(row) for row in ticks.state[-2:]]
+        self._earlier, self._later = last if len(last) == 2 else (self._later, last[0])
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Keep the section state when a foot has landed."""

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from sim.interface import ControlStep, Plan, PlantState, Vector
-from sim.log.format.fields import LEG_CODES, OUTPUTS, PREDICTED_IMPACT, PREDICTION
+from sim.interface import Plan, Vector
+from sim.log.format.fields import OUTPUTS, PREDICTED_IMPACT, PREDICTION
 from sim.log.format.layout import layout_of
 from sim.log.format.schema import descriptor, message_class
+from sim.loop import Ticks
 
 STAGE_EVERY = 5
 """Stages from one logged to the next; a horizon in full would double the log."""
 
 _Prediction = message_class(PREDICTION)
 _IMPACT = layout_of(descriptor(PREDICTED_IMPACT))
-_NONE = np.zeros(2)
 
 
 def horizon_message(plan: Plan, period: float, impact_in: int) -> bytes:
@@ -36,24 +36,27 @@ class Hindsight:
     """Remembers what the controller expected until the plant has answered."""
 
     def __init__(self) -> None:
-        self._force: Vector | None = None
-        self._foot = 0
+        self._force: tuple[int, Vector] | None = None  # foot, and what was expected of it at the last tick
         self._first: tuple[int, int] | None = None  # tick, tick of the predicted impact
         self._last: tuple[int, int] | None = None
 
-    def force_error(self, state: PlantState) -> Vector:
-        """Real minus expected contact force over the last hold in [N], (2,); 0 before the first."""
-        if self._force is None:
-            return _NONE
-        error: Vector = state.contact_force[self._foot] - self._force
+    def look(self, ticks: Ticks) -> Vector:
+        """Note what ticks expect; real minus expected contact force over the last hold at each in [N], (n, 2)."""
+        n, stance, expected = len(ticks), ticks.step["stance"], ticks.step["contact_force"]
+        error = np.zeros((n, 2))
+        real = ticks.state["contact_force"]
+        error[1:] = real[np.arange(1, n), stance[:-1]] - expected[:-1]
+        if self._force is not None:
+            foot, force = self._force
+            error[0] = real[0, foot] - force
+        self._force = int(stance[-1]), expected[-1].copy()
+        foreseen = np.flatnonzero(ticks.step["impact_in"] > 0)
+        if len(foreseen):
+            k = ticks.first + foreseen[[0, -1]]
+            at = k + ticks.step["impact_in"][foreseen[[0, -1]]]
+            self._first = self._first or (int(k[0]), int(at[0]))
+            self._last = int(k[1]), int(at[1])
         return error
-
-    def remember(self, k: int, step: ControlStep) -> None:
-        """Note what tick `k` expects."""
-        self._force, self._foot = step.contact_force, LEG_CODES[step.stance]
-        if step.impact_in > 0:
-            self._last = (k, k + step.impact_in)
-            self._first = self._first or self._last
 
     def impact(self, k: int) -> bytes:
         """Serialised /prediction/impact for an impact at tick `k`; what was expected of it is forgotten."""

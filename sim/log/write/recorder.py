@@ -16,8 +16,8 @@ from mcap.records import Message
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.interface import LEGS, ControlStep, Observation, PlantState
-from sim.log.format.fields import CHANNELS, PREDICTED_IMPACT, PREDICTION, STATUS_CODES
+from sim.interface import LEGS, PlantState
+from sim.log.format.fields import CHANNELS, PREDICTED_IMPACT, PREDICTION
 from sim.log.format.schema import SCHEMA, channel_metadata, closure, full_name
 from sim.log.write.arrows import GroundAngle, arrows_of, force_update
 from sim.log.write.block import TickBlock
@@ -25,7 +25,7 @@ from sim.log.write.container import McapFile
 from sim.log.write.header import RunHeader
 from sim.log.write.prediction import Hindsight, horizon_message
 from sim.log.write.scene import frame_transforms, scene_update, set_time
-from sim.loop import RunSummary
+from sim.loop import RunSummary, Ticks
 
 CHUNK_TICKS = 200
 """Ticks a chunk: about 230 KiB, and what a killed process loses at most."""
@@ -73,7 +73,7 @@ class Recorder:
         self._femur_length = {leg: header.link_lengths[f"{leg}_femur"] for leg in LEGS}
         self._ground = GroundAngle(header.ground)
         self._hindsight = Hindsight()
-        self._frame_every = max(1, round(1 / (FRAME_RATE * period)))
+        self.frame_every = max(1, round(1 / (FRAME_RATE * period)))
         self._extras: list[_Extra] = []
         self._unlisted: set[str] = set()
         self._last = 0
@@ -101,31 +101,31 @@ class Recorder:
             for topic, kind in foxglove
         )
         self.event(0, "info", "run", header.headline)
-        self._add_extra(0, self._scene, scene_update(header.link_lengths, header.ground))
+        self._add_extra(0, self._scene, scene_update(header.link_lengths, header.ground), 0)
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Log one tick.
-
-        Args:
-            k: Tick number, from 0.
-            state: Truth at the tick.
-            observation: What the controller saw at it.
-            step: What the controller decided.
-            tick_s: Controller wall time in [s], observation in to torque out.
+    def ticks(self, ticks: Ticks) -> None:
+        """Log ticks.
 
         Raises:
             UserError: the log cannot be written any further.
         """
-        if self._block.full:
-            self._flush()
-        status = STATUS_CODES.get(step.status, 0)
-        if not status:
-            self._note_unlisted(k, step.status)
-        self._last = k
-        if k % self._frame_every == 0:
-            self._add_frame(k, state, step)
-        self._block.add(k, state, observation, step, status, self._hindsight.force_error(state), tick_s)
-        self._hindsight.remember(k, step)
+        done = 0
+        while done < len(ticks):
+            if not self._block.room:
+                self._flush()
+            piece = ticks.part(done, min(len(ticks), done + self._block.room), ticks.first + done)
+            self._add(piece)
+            done += len(piece)
+
+    def _add(self, ticks: Ticks) -> None:
+        first, n = ticks.first, len(ticks)
+        for k in sorted({k for k in (*ticks.texts, *ticks.frames) if first <= k < first + n}):
+            if k in ticks.texts:
+                self._note_unlisted(k, ticks.texts[k], self._block.count + k - first)
+            if k in ticks.frames:
+                self._add_frame(k, ticks, self._block.count + k - first)
+        self._last = first + n - 1
+        self._block.add(ticks, self._hindsight.look(ticks))
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Log an event.
@@ -136,11 +136,9 @@ class Recorder:
             name: What kind: "impact", "push", "fallback", or how the run ended.
             message: One line for people.
         """
-        entry = Log(level=LEVELS[level], message=message, name=name)
-        set_time(entry.timestamp, k * self._period_ns)
-        self._add_extra(k, self._events, entry.SerializeToString(deterministic=True))
+        self._add_event(k, level, name, message, self._block.count)
         if name == "impact":
-            self._add_extra(k, self._impact, self._hindsight.impact(k))
+            self._add_extra(k, self._impact, self._hindsight.impact(k), self._block.count)
 
     def result(self, summary: RunSummary) -> None:
         """Log how the run ended, as the metadata record "result".
@@ -178,30 +176,37 @@ class Recorder:
         with contextlib.suppress(UserError):  # the first error is the one to report
             self.close()
 
-    def _add_frame(self, k: int, state: PlantState, step: ControlStep) -> None:
+    def _add_event(self, k: int, level: str, name: str, message: str, row: int) -> None:
+        entry = Log(level=LEVELS[level], message=message, name=name)
+        set_time(entry.timestamp, k * self._period_ns)
+        self._add_extra(k, self._events, entry.SerializeToString(deterministic=True), row)
+
+    def _add_frame(self, k: int, ticks: Ticks, row: int) -> None:
         """What is drawn: links, forces, and what the controller expects."""
         time_ns = k * self._period_ns
-        self._add_extra(k, self._tf, frame_transforms(time_ns, state, self._femur_length))
+        frame, number = ticks.frames[k], k - ticks.first
+        state = PlantState.of(ticks.state[number], frame.applied)
+        self._add_extra(k, self._tf, frame_transforms(time_ns, state, self._femur_length), row)
         arrows = arrows_of(state, self._ground, self._femur_length)
         if arrows:
-            lifetime_ns = round(1.5 * self._frame_every * self._period_ns)
-            self._add_extra(k, self._forces, force_update(time_ns, arrows, lifetime_ns))
-        plan = step.plan
-        if plan is not None:
-            period = self._period_ns * 1e-9
-            self._add_extra(k, self._prediction, horizon_message(plan, period, step.impact_in))
+            lifetime_ns = round(1.5 * self.frame_every * self._period_ns)
+            self._add_extra(k, self._forces, force_update(time_ns, arrows, lifetime_ns), row)
+        if frame.plan is not None:
+            impact_in = int(ticks.step["impact_in"][number])
+            message = horizon_message(frame.plan, self._period_ns * 1e-9, impact_in)
+            self._add_extra(k, self._prediction, message, row)
 
-    def _note_unlisted(self, k: int, status: str) -> None:
+    def _note_unlisted(self, k: int, status: str, row: int) -> None:
         if status not in self._unlisted and len(self._unlisted) < MOST_UNLISTED:
             self._unlisted.add(status)
-            self.event(k, "warning", "status", f'status "{status}" is logged as "other"')
+            self._add_event(k, "warning", "status", f'status "{status}" is logged as "other"', row)
 
-    def _add_extra(self, k: int, channel_id: int, data: bytes) -> None:
+    def _add_extra(self, k: int, channel_id: int, data: bytes, row: int) -> None:
         time_ns = k * self._period_ns
         message = Message(channel_id, log_time=time_ns, data=data, publish_time=time_ns, sequence=k)
         builder = RecordBuilder()
         message.write(builder)
-        self._extras.append(_Extra(self._block.count, channel_id, time_ns, builder.end()))
+        self._extras.append(_Extra(row, channel_id, time_ns, builder.end()))
 
     def _flush(self) -> None:
         """Write the staged ticks and the messages between them as one chunk."""

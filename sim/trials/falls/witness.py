@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interface import JOINTS, ControlStep, Observation, PlantState, Vector
-from sim.loop import NoTape
+from sim.interface import JOINTS, Vector
+from sim.loop import NoTape, Ticks
 from sim.trials.falls.cause import Cause, Evidence
 
 KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than the time after which a run is stalled
@@ -62,22 +62,24 @@ class Witness(NoTape):
         self._t = 0.0  # [s]
         self._sunk = 0.0  # [m]
 
-    def tick(self, k: int, state: PlantState, observation: Observation, step: ControlStep, tick_s: float) -> None:
-        """Remember one."""
-        if k == 0:
-            self._sunk = -float(state.clearance.min())
-        ahead = step.impact_in * self._period
-        if self._due == math.inf and 0.0 <= ahead <= FORESEEN:
-            self._due = state.t + ahead
-        left, right = (
-            touches or depth < -SUNK for touches, depth in zip(state.contact, state.clearance.tolist(), strict=True)
-        )  # the rigid ground feels its stance foot alone
-        self._ring[self._ticks % len(self._ring)] = (
-            state.t, self._stance, self._landed, self._due, step.s, step.dtheta, step.fallback, left, right,
-            state.foot.item(self._stance, 0), *state.torque.tolist(), *step.y.tolist(),
+    def ticks(self, ticks: Ticks) -> None:
+        """Remember some."""
+        state, step, n = ticks.state, ticks.step, len(ticks)
+        if ticks.first == 0:
+            self._sunk = -float(state["clearance"][0].min())
+        t, ahead = state["t"], step["impact_in"] * self._period
+        due = np.full(n, self._due)
+        if self._due == math.inf and len(foreseen := np.flatnonzero((ahead >= 0.0) & (ahead <= FORESEEN))):
+            self._due = due[foreseen[0] :] = t[foreseen[0]] + ahead[foreseen[0]]
+        touches = (state["contact"] != 0) | (state["clearance"] < -SUNK)  # rigid ground feels its stance foot alone
+        self._ring[(self._ticks + np.arange(n)) % len(self._ring)] = np.column_stack(
+            (
+                t, np.full(n, self._stance), np.full(n, self._landed), due, step["s"], step["dtheta"],
+                step["fallback"], touches, state["foot"][:, self._stance, 0], state["torque"], step["y"],
+            )
         )  # fmt: skip
-        self._ticks += 1
-        self._t = state.t
+        self._ticks += n
+        self._t = float(t[-1])
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Follow the stance foot from landing to landing."""
