@@ -46,7 +46,7 @@ class FakeRun:
         self.during = lambda: None
         self.called = False
 
-    def __call__(self, scenario, *, log, progress=None, stop=lambda: None, announce=None, view=False):
+    def __call__(self, scenario, *, log, progress=None, stop=lambda: None, announce=None, view=False, tape=None):
         self.called, self.scenario, self.log, self.progress = True, scenario, log, progress
         self.during()
         reason = stop()

@@ -62,13 +62,17 @@ def _warn(log: "Log") -> None:
 
 def _info(found: Namespace) -> int:
     from sim.log.read import salvage
+    from sim.log.read.frames import run_of
     from sim.log.tools.info import as_table, facts
+    from sim.review.answer import answer
 
     log = salvage(found.log)
     _warn(log)
+    words, moment = answer(run_of(log))
     if found.json:
-        print(json.dumps(facts(log)))
+        print(json.dumps(facts(log) | {"answer": words, "fall_began_s": moment}))
     else:
+        print(words)
         for table in as_table(log):
             console.show(table, 140)
     return 0

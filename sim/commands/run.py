@@ -126,20 +126,25 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
     from sim.loop import Outcome
     from sim.terminal.interrupt import stop_on_signal
     from sim.terminal.progress import walking
+    from sim.trials.falls.witness import Witness
 
+    witness = Witness(scenario.controller.period)
     with stop_on_signal() as stop, walking(scenario.steps, quiet=quiet or json) as show:
-        summary = run_scenario(scenario, log=log, progress=show, stop=stop, announce=console.note, view=view)
-    print_summary(summary, scenario, json=json)
+        summary = run_scenario(
+            scenario, log=log, progress=show, stop=stop, announce=console.note, view=view, tape=witness
+        )
+    why = witness.story(summary.torque_limit_Nm) if summary.outcome == Outcome.FELL.value else ""
+    print_summary(summary, scenario, json=json, why=why)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
 
 
-def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool) -> None:
-    """Print a summary as a table, or as one JSON object."""
+def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool, why: str = "") -> None:
+    """Print a summary as a table, or as one JSON object; `why`: what broke in a run that fell."""
     from sim.terminal.summary import as_json, as_table
 
     if json:
         print(as_json(summary), flush=True)
         return
-    console.show(as_table(summary, scenario), WIDTH)
+    console.show(as_table(summary, scenario, why), WIDTH)

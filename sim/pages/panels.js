@@ -7,7 +7,7 @@ class Lines extends Plot {
     const room = panel.equal ? 0 : 0.01 * (whole.to - whole.from);
     const app = {
       view: { from: panel.log_x ? whole.from : whole.from - room, to: whole.to + room }, end: Infinity, t: null, hover: null, drag: null, mode: "overlay", clip: false,
-      sources: () => [], events: () => [], horizon: () => null, limits: () => panel.levels.map((level) => ({ value: level.y, label: level.name })),
+      sources: () => [], events: () => [], horizon: () => null, sane: () => Infinity, limits: () => panel.levels.map((level) => ({ value: level.y, label: level.name })),
       spans: () => panel.spans.map((span) => ({ from: span.x0, to: span.x1, name: span.name })),
       seek() {}, point: () => app.plot.point(), redraw() { app.plot.draw(); app.plot.point(); },
       zoom(from, to) { if (to > from) { app.view = from <= 0 && to === Infinity ? whole : { from, to }; app.redraw(); } },

@@ -50,7 +50,7 @@ function sharp(canvas) {
 const GUTTER = { left: 46, right: 8, top: 6, bottom: 18 };
 
 class Plot {
-  /* panel: see sim/review/panels.py; app: time, view, sources, events, spans, limits, horizon. */
+  /* panel: see sim/review/panels.py; app: time, view, sources, events, spans, limits, horizon, sane. */
   constructor(panel, app, host) {
     this.panel = panel; this.app = app; this.hidden = new Set();
     const card = document.createElement("article"); card.className = "card"; card.id = "plot-" + panel.name; card.title = panel.note || "";
@@ -99,7 +99,8 @@ class Plot {
   values(lines, order) {
     const { from, to } = this.app.view, found = [];
     for (const one of lines.filter((one) => one.order === order)) {
-      const { y } = one, [a, b] = this.stretch(one, from, to);
+      const { y } = one, sane = this.app.clip ? this.app.sane(order) : Infinity; /* once it falls, anything goes */
+      const [a, b] = this.stretch(one, from, sane > from ? Math.min(to, sane) : to);
       for (let i = a; i <= b; i++) if (Number.isFinite(y[i])) found.push(y[i]);
     }
     return Float32Array.from(found).sort();

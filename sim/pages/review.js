@@ -19,6 +19,7 @@ const app = {
   view: { from: 0, to: 1 },
   sources: () => (app.mode === "difference" ? [gap] : runs.map((run) => run.source)),
   events: () => runs[0].events,
+  sane: (order) => (app.mode === "difference" ? Math.min(...runs.map((run) => run.began ?? Infinity)) : runs[order]?.began ?? Infinity),
   spans: () => runs[0].spans,
   limits: (name) => (name && runs[0].limits[name]) || [],
   horizon: () => runs[0].horizon,
@@ -63,8 +64,8 @@ function header() {
     const box = element("div", null, "run"), title = element("h1");
     const kind = ["completed", "fell"].includes(head.outcome) ? head.outcome : "other";
     title.append(element("span", (runs.length > 1 ? "AB"[i] + ": " : "") + head.name), element("span", head.controller, "tag"), element("span", head.outcome, "tag " + kind), element("small", head.file));
-    box.append(title);
-    if (head.description || head.detail) box.append(element("p", [head.description, head.detail].filter(Boolean).join(". ")));
+    box.append(title, element("p", head.answer, "answer"));
+    if (head.description) box.append(element("p", head.description));
     if (head.damage) box.append(element("p", head.damage, "damage"));
     by("head").append(box);
   });
@@ -88,6 +89,7 @@ function words() {
     const list = table(run.events.map((e) => [e.t.toFixed(3) + " s", e.name, e.message]));
     [...list.rows].forEach((row, k) => { row.className = "jump"; row.onclick = () => app.seek(run.events[k].t); });
     scroll.append(list); card("Events" + of, scroll);
+    if (run.changed.length) card("Unlike the scenario of that name" + of, table(run.changed, ["setting", "there", "here"]));
     const text = element("div", null, "scroll"); text.append(element("pre", run.scenario)); card("Scenario" + of, text);
     card("Where it comes from" + (of && ", " + "AB"[i]), table(run.provenance));
   });
@@ -141,7 +143,7 @@ function start() {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (event) => app.theme(event.matches ? "dark" : "light"));
   const printed = (on) => { document.documentElement.dataset.theme = on ? "light" : app.chosen; app.plots.forEach((plot) => { plot.seen = true; }); app.redraw(); };
   addEventListener("beforeprint", () => printed(true)); addEventListener("afterprint", () => printed(false));
-  app.seek(+(asked.get("t") || 0));
+  app.seek(+(asked.get("t") ?? runs[0].began ?? 0));
   document.documentElement.dataset.ready = "yes";
 }
 

@@ -7,9 +7,12 @@ from typing import Any
 
 from sim.log.read.frames import Run, parsed
 from sim.log.tools.text import printable
-from sim.scenario import Scenario, from_toml
+from sim.pages import number
+from sim.scenario import Scenario, from_toml, load, settings_table, shipped
 
 MOST_EVENTS = 500
+MOST_CHANGES = 4  # in the headline
+WORDS = ("name", "description")
 MOST_POINTS = 20_000  # of the ground
 LONGEST_TEXT = 20_000  # characters of the scenario that are shown
 
@@ -33,13 +36,44 @@ def headline(run: Run) -> dict[str, str]:
     name = scenario.name if scenario else run.about.get("scenario", run.log.path.stem)
     return {
         "name": printable(name),
-        "description": printable(scenario.description if scenario else ""),
+        "description": printable(description(scenario)) if scenario else "",
         "controller": printable(scenario.controller.kind if scenario else ""),
         "outcome": printable(result.get("outcome", "not finished")),
         "detail": printable(result.get("fall_reason") or result.get("message") or ""),
         "file": printable(run.log.path.name),
         "damage": printable("; ".join(damage)),
     }
+
+
+def changed_settings(scenario: Scenario) -> list[tuple[str, str, str]]:
+    """Settings that differ from the shipped scenario of the same name: path, value there, value here."""
+    if scenario.name not in shipped():
+        return []
+    here, there = ({row.path: row for row in settings_table(one)} for one in (scenario, load(scenario.name)))
+    paths = [path for path in {**there, **here} if path not in WORDS]
+
+    def text(rows: Mapping[str, Any], path: str) -> str:
+        row = rows.get(path)
+        return "-" if row is None else f"{number(row.value)} {row.spec.unit or ''}".rstrip()
+
+    pairs = ((path, text(there, path), text(here, path)) for path in paths)
+    return [(path, a, b) for path, a, b in pairs if a != b]
+
+
+def changed(run: Run) -> list[tuple[str, str, str]]:
+    """The same of a log; nothing where its scenario cannot be read."""
+    scenario = scenario_of(run)
+    return changed_settings(scenario) if scenario else []
+
+
+def description(scenario: Scenario) -> str:
+    """What was run: the description of a named scenario as it is, else what was changed in it."""
+    changed = changed_settings(scenario)
+    if not changed:
+        return scenario.description
+    words = [f"{path} = {here} (not {there})" for path, there, here in changed[:MOST_CHANGES]]
+    more = f" and {len(changed) - MOST_CHANGES} more" if len(changed) > MOST_CHANGES else ""
+    return f"{scenario.name} with {', '.join(words)}{more}"
 
 
 def summary(run: Run) -> list[tuple[str, str]]:
@@ -175,6 +209,6 @@ def _over(a: Any, b: Any) -> float | None:
 
 
 def _times(value: Any) -> str:
-    if not isinstance(value, dict):
-        return "–"
+    if not isinstance(value, dict) or not value.get("max"):
+        return "–"  # a law without a solver spends no time in one
     return ", ".join(f"{printable(k, 20)} {_text(v, '{:.2f}')}" for k, v in value.items()) + " ms"

@@ -13,6 +13,7 @@ from sim.log.format.fields import OUTPUTS
 from sim.log.read import Log
 from sim.log.read.frames import Run, run_of
 from sim.review import facts
+from sim.review.answer import answer
 from sim.review.panels import PANELS, Panel
 from sim.review.signals import Signals, decimated, difference, signals_of
 
@@ -67,8 +68,11 @@ def _panel(panel: Panel) -> dict[str, Any]:
 
 
 def _run(run: Run, signals: Signals, keys: set[str], samples: int) -> dict[str, Any]:
+    words, moment = answer(run, signals)
     return {
-        "head": facts.headline(run) | {"controller": facts.controller_of(run)},
+        "head": facts.headline(run) | {"controller": facts.controller_of(run), "answer": words},
+        "began": moment,
+        "changed": facts.changed(run),
         "summary": facts.summary(run),
         "provenance": facts.provenance(run),
         "scenario": facts.scenario_text(run),

@@ -25,21 +25,28 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def as_table(summary: RunSummary, scenario: Scenario) -> Table:
-    """The summary as a rich table, one figure a row."""
+def as_table(summary: RunSummary, scenario: Scenario, why: str = "") -> Table:
+    """The summary as a rich table, one figure a row.
+
+    Args:
+        summary: What came out.
+        scenario: What was run.
+        why: What broke in a run that fell.
+    """
     table = Table(title=f"{scenario.name}, {scenario.controller.kind}", show_header=False, title_justify="left")
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
-    for name, text in _rows(summary, scenario):
+    for name, text in _rows(summary, scenario, why):
         style = OUTCOME_STYLES.get(summary.outcome, "red") if name == "outcome" else ""
         table.add_row(Text(name), Text(text, style=style))
     return table
 
 
-def _rows(summary: RunSummary, scenario: Scenario) -> list[tuple[str, str]]:
+def _rows(summary: RunSummary, scenario: Scenario, why: str) -> list[tuple[str, str]]:
     assumed = scenario.controller.friction
     rows = [
         ("outcome", _outcome(summary)),
+        *([("why", why)] if why else []),
         ("steps", f"{summary.steps} of {scenario.steps} in {summary.time_s:.2f} s"),
         ("step time", _number(summary.step_time_s, "{:.3f} s")),
         ("step length", _number(summary.step_length_m, "{:.3f} m")),
@@ -81,4 +88,6 @@ def _number(value: float | None, pattern: str) -> str:
 
 def _times(milliseconds: dict[str, float]) -> str:
     known = {key: value for key, value in milliseconds.items() if value is not None and math.isfinite(value)}
-    return ", ".join(f"{key} {value:.2f} ms" for key, value in known.items()) or "-"
+    if not any(known.values()):
+        return "-"  # a law without a solver spends no time in one
+    return ", ".join(f"{key} {value:.2f} ms" for key, value in known.items())

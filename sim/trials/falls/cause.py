@@ -100,3 +100,11 @@ def decisive(cause: str, evidence: Mapping[str, Any]) -> str:
     """
     known = {name: math.nan if value is None else value for name, value in evidence.items()}
     return PROOFS[Cause(cause)].format(**known)
+
+
+def sentence(cause: Cause, evidence: Evidence) -> str:
+    """When and how a fall began, and how long it took."""
+    figures = {name: getattr(evidence, name) for name in evidence.__dataclass_fields__}
+    proof = decisive(cause.value, figures)
+    what = f"{cause.value}, {proof}" if proof else cause.value
+    return f"from {evidence.began_s:.3f} s {what}; down {evidence.lasted_s:.2f} s later"

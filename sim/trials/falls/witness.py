@@ -8,13 +8,14 @@ walks show none.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.interface import JOINTS, Vector
 from sim.loop import NoTape, Ticks
-from sim.trials.falls.cause import Cause, Evidence
+from sim.trials.falls.cause import Cause, Evidence, sentence
 
 KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than the time after which a run is stalled
 WINDOW = 0.04  # [s]
@@ -95,11 +96,31 @@ class Witness(NoTape):
         """
         first = self._ticks % len(self._ring) if self._ticks > len(self._ring) else 0
         rows = np.roll(self._ring[: self._ticks], -first, axis=0)
-        ticks = _Ticks(rows, self._period, np.asarray(limits))
-        began, cause = ticks.beginning()
-        if self._sunk > SUNK and ticks.t[began] < AT_ONCE:
-            cause = Cause.START
-        return cause, ticks.evidence(began, self._sunk)
+        return verdict(rows, self._sunk, self._period, limits)
+
+    def story(self, limits: Mapping[str, float]) -> str:
+        """The verdict in a sentence.
+
+        Args:
+            limits: Largest torque in [N.m] by joint.
+        """
+        return sentence(*self.verdict(np.array([limits.get(joint, math.inf) for joint in JOINTS])))
+
+
+def verdict(rows: Vector, sunk: float, period: float, limits: Vector) -> tuple[Cause, Evidence]:
+    """What broke, from the ticks before a fall.
+
+    Args:
+        rows: A tick a row, `WIDTH` numbers as `Witness` remembers them.
+        sunk: Depth of the lower foot in the ground at the start of the run in [m].
+        period: Of the ticks in [s].
+        limits: Largest torques of the joints in [N.m], (4,).
+    """
+    ticks = _Ticks(rows, period, np.asarray(limits))
+    began, cause = ticks.beginning()
+    if sunk > SUNK and len(rows) and ticks.t[began] < AT_ONCE:
+        cause = Cause.START
+    return cause, ticks.evidence(began, sunk)
 
 
 class _Ticks:

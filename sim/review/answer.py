@@ -1,0 +1,54 @@
+"""The answer first: how a run ended, why and when, in one sentence."""
+
+import numpy as np
+
+from sim.errors import UserError
+from sim.interface import JOINTS
+from sim.log.read.frames import Run
+from sim.log.tools.text import printable
+from sim.loop import Outcome
+from sim.review.facts import limit_of_torque, scenario_of
+from sim.review.signals import Signals, signals_of
+from sim.trials.falls.cause import sentence
+from sim.trials.falls.recorded import recorded_verdict
+
+
+def answer(run: Run, signals: Signals | None = None) -> tuple[str, float | None]:
+    """A sentence, and the moment in [s] at which a fall began, None without one.
+
+    Args:
+        run: A log, perhaps damaged.
+        signals: Its signals, where they have been worked out.
+    """
+    result = run.result
+    outcome = str(result.get("outcome", ""))
+    if outcome == Outcome.FELL.value:
+        found = recorded_verdict(run)
+        words = f"fell in step {int(result.get('steps') or 0) + 1}: {result.get('fall_reason', '')}"
+        if found is None:
+            return printable(words), None
+        return printable(f"fell in step {int(result.get('steps') or 0) + 1}: {sentence(*found)}"), found[1].began_s
+    if outcome == Outcome.COMPLETED.value:
+        try:
+            near = _nearest(run, signals or signals_of(run))
+        except UserError:  # a log without ticks
+            near = ""
+        words = f"walked all {result.get('steps')} steps" + (f"; nearest to its limits: {near}" if near else "")
+        return printable(words), None
+    return printable(" ".join(filter(None, (outcome or "not finished", str(result.get("message", "")))))), None
+
+
+def _nearest(run: Run, signals: Signals) -> str:
+    """How near torque and friction came to their limits, and when."""
+    words, limits = [], limit_of_torque(run)
+    joints = [joint for joint in JOINTS if joint in limits]
+    if joints:
+        share = np.column_stack([np.abs(signals.columns[f"torque.{joint}"]) / limits[joint] for joint in joints])
+        at, which = divmod(int(np.argmax(np.nan_to_num(share))), len(joints))
+        name, limit = joints[which].replace("_", " "), limits[joints[which]]
+        words.append(f"{name} {share[at, which] * limit:.1f} of {limit:g} N.m at {signals.t[at]:.3f} s")
+    scenario, ratio = scenario_of(run), signals.columns["ratio"]
+    if scenario and np.isfinite(ratio).any():
+        at = int(np.nanargmax(ratio))
+        words.append(f"|F_T / F_N| {ratio[at]:.2f} of {scenario.plant.ground.friction:g} at {signals.t[at]:.3f} s")
+    return ", ".join(words)
