@@ -109,7 +109,7 @@ def test_contact_is_as_the_readme_says(plant) -> None:
         geom = model.geom(foot)
         assert (geom.priority[0], geom.condim[0], geom.size[0]) == (1, 3, 0.002)
         assert geom.solref == pytest.approx([0.002, 1])
-        assert geom.solimp[:3] == pytest.approx([0.95, 0.99, 0.001])
+        assert geom.solimp[:3] == pytest.approx([0.8, 0.9, 0.001])
 
 
 def test_gait_has_the_documented_shape(gait: dict) -> None:
