@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller import outside
-from controller.belief import Friction, Gains, Gait, Law, WalkerModel, load_gait
+from controller.belief import Friction, Gains, Gait, Law, StanceEstimator, WalkerModel, load_gait
 from controller.belief.friction import PENALTY, ROWS
 from controller.cmpc import CascadedMpc, ZeroDynamicsController
 from controller.cmpc.cascade import Weights
@@ -65,6 +65,8 @@ def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None
         law = _FACTORIES[settings.kind](settings, belief)
     else:
         law = _from_outside(settings, belief)
+    if isinstance(law, Law):
+        law.stance = StanceEstimator(belief.model, impact_time=settings.impact_time)
     if not settings.gait_fitting.enabled:
         return law
     from controller.fitting.controller import GaitFitting

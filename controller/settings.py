@@ -169,6 +169,8 @@ class ControllerSettings:
         kd: Derivative gains K_D of the outputs.
         horizon: Prediction horizon N.
         period: Sampling and hold period T.
+        impact_time: How long after a landing joint rates are predicted by the impact map instead of measured, as an
+            impact lasts; 0 takes what is measured in the midst of an impact for the state after it.
         friction: Friction coefficient the controller assumes.
         friction_rows: Whether the MPC, or the QP of clf-qp, bounds the stance contact force; output-mpc never does.
         normal_force_min: Lower bound on the stance foot's normal force.
@@ -185,6 +187,7 @@ class ControllerSettings:
     kd: Annotated[Four, Unit("1/s"), NOT_NEGATIVE] = (10.0, 20.0, 20.0, 10.0)
     horizon: Annotated[int, Unit("ticks"), AT_LEAST_ONE] = 100
     period: Annotated[Second, POSITIVE] = 1e-3
+    impact_time: Annotated[Second, NOT_NEGATIVE] = 0.012
     friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
     friction_rows: bool = True
     normal_force_min: Annotated[Newton, NOT_NEGATIVE] = 20.0

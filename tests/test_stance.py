@@ -71,3 +71,48 @@ def test_reset_forgets(estimator, gait):
     assert estimator.leg is Leg.LEFT
     with pytest.raises(ValueError):
         estimator.reset("middle")
+
+
+def through_an_impact(model, gait, impact_time, *, share):
+    """States of an estimator over ticks around a landing whose measured rates are only a share of the way through."""
+    found = StanceEstimator(model, impact_time=impact_time)
+    found.reset("left")
+    q, dq = gait.q_minus, gait.dq_minus
+    _, after = model.impact(q, dq)
+    halfway = dq + share * (swap_legs(after) - dq)  # body order, as is what is seen
+    seen_rates = [dq, halfway, halfway, halfway]
+    states = []
+    for k, rates in enumerate(seen_rates):
+        observation = Observation(t=k * 1e-3, q=q, dq=rates, contact=(True, k > 0))
+        states.append(found.update(observation))
+        found.held(np.zeros(4))
+    return states, after
+
+
+def test_while_an_impact_lasts_rates_are_those_the_impact_map_predicts(model, gait):
+    states, after = through_an_impact(model, gait, 2.5e-3, share=0.4)
+    assert states[1].leg is Leg.RIGHT
+    jump = np.abs(after - swap_legs(gait.dq_minus)).max()
+    assert np.abs(states[1].dq - after).max() < 0.1 * jump  # a tick of acceleration, and no more
+    carried = states[1].dq + 1e-3 * model.acceleration(states[1].q, states[1].dq, np.zeros(4))
+    assert states[2].dq == pytest.approx(carried, abs=1e-12)
+    assert states[3].dq == pytest.approx(carried + 1e-3 * model.acceleration(states[2].q, carried, np.zeros(4)))
+
+
+def test_after_it_and_where_it_takes_no_time_rates_are_those_measured(model, gait):
+    for impact_time, first in ((0.0, 1), (1.5e-3, 3)):
+        states, after = through_an_impact(model, gait, impact_time, share=0.4)
+        measured = swap_legs(gait.dq_minus + 0.4 * (swap_legs(after) - gait.dq_minus))
+        for state in states[first:]:
+            assert state.dq == pytest.approx(measured, abs=1e-12)
+
+
+def test_a_torque_beyond_the_limits_is_predicted_as_the_limit(model, gait):
+    found = []
+    for torque in (1e3, model.torque_limits):
+        estimator = StanceEstimator(model, impact_time=5e-3)
+        estimator.reset("left")
+        estimator.update(Observation(t=0.0, q=gait.q_minus, dq=gait.dq_minus, contact=(True, False)))
+        estimator.held(torque * np.ones(4))
+        found.append(estimator.update(Observation(t=1e-3, q=gait.q_minus, dq=gait.dq_minus, contact=(True, True))).dq)
+    assert found[0] == pytest.approx(found[1])

@@ -16,7 +16,7 @@ class Law(ABC):
         model: The walker believed in.
         gait: The gait followed.
         loop: Walker, gait and gains as the compiled code takes them.
-        stance: Tells which leg stands.
+        stance: Tells which leg stands; by default one that takes every measured rate literally.
     """
 
     def __init__(self, model: WalkerModel, gait: Gait, gains: Gains) -> None:
@@ -39,6 +39,11 @@ class Law(ABC):
         """
         self.gait = gait
         self.loop = self.loop._replace(gait=gait.table)
+
+    def held(self, step: ControlStep) -> ControlStep:
+        """Remember the torque that is held until the next tick; hands the decision on."""
+        self.stance.held(step.u_total)
+        return step
 
     @abstractmethod
     def step(self, observation: Observation) -> ControlStep:

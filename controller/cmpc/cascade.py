@@ -97,26 +97,28 @@ class CascadedMpc(Law):
             u_mpc = solution.u[0]
         else:
             u_mpc = np.clip(u, -limit, limit) - u  # the one fall-back policy: saturated ZD+PD
-        return ControlStep.of(
-            state.leg,
-            u + u_mpc,  # Eq. (23)
-            u_zd=u,
-            u_mpc=u_mpc,
-            y=horizon.y[0],
-            dy=horizon.dy[0],
-            theta=horizon.theta,
-            dtheta=horizon.dtheta,
-            s=self.gait.normalised(horizon.theta),
-            contact_force=horizon.force[0] + applied(horizon.force_per_torque[0], u_mpc),  # Eq. (20)
-            impact_in=horizon.impact_in,
-            status=solution.status,
-            fallback=not solution.found,
-            iterations=solution.iterations,
-            residuals=solution.residuals,
-            slack=solution.slack,
-            active=solution.active,
-            solve_s=solution.solve_s,
-            plan=CorrectedHorizon(horizon=horizon, u_mpc=solution.u) if solution.found else None,
+        return self.held(
+            ControlStep.of(
+                state.leg,
+                u + u_mpc,  # Eq. (23)
+                u_zd=u,
+                u_mpc=u_mpc,
+                y=horizon.y[0],
+                dy=horizon.dy[0],
+                theta=horizon.theta,
+                dtheta=horizon.dtheta,
+                s=self.gait.normalised(horizon.theta),
+                contact_force=horizon.force[0] + applied(horizon.force_per_torque[0], u_mpc),  # Eq. (20)
+                impact_in=horizon.impact_in,
+                status=solution.status,
+                fallback=not solution.found,
+                iterations=solution.iterations,
+                residuals=solution.residuals,
+                slack=solution.slack,
+                active=solution.active,
+                solve_s=solution.solve_s,
+                plan=CorrectedHorizon(horizon=horizon, u_mpc=solution.u) if solution.found else None,
+            )
         )
 
 

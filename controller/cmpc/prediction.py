@@ -25,6 +25,7 @@ from controller.compiled import Array, compiled
 from controller.records import StanceState, Vector
 
 ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers
+TOUCHING = 1e-9  # [m] above the ground, from where a foot that goes down lands
 
 
 @compiled
@@ -162,7 +163,9 @@ def roll_out(loop: Loop, q0: Array, dq0: Array, out: Horizon) -> None:
     dq = dq0.copy()
     N = out.u.shape[0]
     place(q, dq, stage)
-    _, height, _ = swing_foot(walker, stage)
+    _, height, rate = swing_foot(walker, stage)
+    if T * rate < height <= 0.0:
+        height = TOUCHING  # it reached the ground within this tick, so its contact flag is not up yet: it lands next
     for k in range(N):
         for i in range(N_Q):
             out.x[k, i] = q[i]

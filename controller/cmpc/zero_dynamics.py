@@ -26,15 +26,17 @@ class ZeroDynamicsController(Law):
         """One tick: which leg stands, then Eq. (7)."""
         state = self.stance.update(observation)
         zd = zero_dynamics_pd(self.loop, state.q, state.dq)
-        return ControlStep.of(
-            state.leg,
-            zd.u,
-            u_zd=zd.u,
-            y=zd.y,
-            dy=zd.dy,
-            theta=zd.theta,
-            dtheta=zd.dtheta,
-            s=self.gait.normalised(zd.theta),
-            contact_force=zd.contact_force,
-            status=Status.ZD_PD,
+        return self.held(
+            ControlStep.of(
+                state.leg,
+                zd.u,
+                u_zd=zd.u,
+                y=zd.y,
+                dy=zd.dy,
+                theta=zd.theta,
+                dtheta=zd.dtheta,
+                s=self.gait.normalised(zd.theta),
+                contact_force=zd.contact_force,
+                status=Status.ZD_PD,
+            )
         )

@@ -126,26 +126,28 @@ class LtvCascade(Law):
         else:
             u_mpc = np.clip(u, -limit, limit) - u  # the one fall-back policy: saturated ZD+PD
             w.plan[:] = 0.0
-        return ControlStep.of(
-            state.leg,
-            u + u_mpc,
-            u_zd=u,
-            u_mpc=u_mpc,
-            y=z[:4].copy(),
-            dy=z[4:8].copy(),
-            theta=float(z[8]),
-            dtheta=float(z[9]),
-            s=self.gait.normalised(float(z[8])),
-            contact_force=w.other.force[0].copy(),
-            impact_in=self._impact_in(),
-            status=_status(figures),
-            fallback=not figures.found,
-            iterations=abs(figures.sweeps),
-            residuals=residuals(w.problem, w.state) if figures.found else np.full(3, np.inf),
-            slack=figures.excess,
-            active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
-            solve_s=solve_s,
-            plan=self._plan() if figures.found else None,
+        return self.held(
+            ControlStep.of(
+                state.leg,
+                u + u_mpc,
+                u_zd=u,
+                u_mpc=u_mpc,
+                y=z[:4].copy(),
+                dy=z[4:8].copy(),
+                theta=float(z[8]),
+                dtheta=float(z[9]),
+                s=self.gait.normalised(float(z[8])),
+                contact_force=w.other.force[0].copy(),
+                impact_in=self._impact_in(),
+                status=_status(figures),
+                fallback=not figures.found,
+                iterations=abs(figures.sweeps),
+                residuals=residuals(w.problem, w.state) if figures.found else np.full(3, np.inf),
+                slack=figures.excess,
+                active=int(w.state.exceeded.sum() + np.count_nonzero(w.state.fixed)),
+                solve_s=solve_s,
+                plan=self._plan() if figures.found else None,
+            )
         )
 
     def _weigh(self, state: StanceState) -> None:

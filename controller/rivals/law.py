@@ -69,22 +69,24 @@ class OutputController(Law):
         limit = self.model.torque_limits
         # A law keeps to the limits up to rounding; the fall-back does not know them.
         u_total = np.clip(dynamics.torque(decision.v if answer.found else zd_pd), -limit, limit)
-        return ControlStep.of(
-            state.leg,
-            u_total,
-            u_zd=u_star,
-            u_mpc=u_total - u_star,
-            y=dynamics.y,
-            dy=dynamics.dy,
-            theta=dynamics.theta,
-            dtheta=dynamics.dtheta,
-            s=self.gait.normalised(dynamics.theta),
-            contact_force=dynamics.force + dynamics.force_per_torque @ u_total,
-            status=answer.status,
-            fallback=not answer.found,
-            residuals=answer.residuals,
-            slack=decision.slack,
-            active=answer.active,
-            solve_s=answer.solve_s,
-            plan=decision.plan,
+        return self.held(
+            ControlStep.of(
+                state.leg,
+                u_total,
+                u_zd=u_star,
+                u_mpc=u_total - u_star,
+                y=dynamics.y,
+                dy=dynamics.dy,
+                theta=dynamics.theta,
+                dtheta=dynamics.dtheta,
+                s=self.gait.normalised(dynamics.theta),
+                contact_force=dynamics.force + dynamics.force_per_torque @ u_total,
+                status=answer.status,
+                fallback=not answer.found,
+                residuals=answer.residuals,
+                slack=decision.slack,
+                active=answer.active,
+                solve_s=answer.solve_s,
+                plan=decision.plan,
+            )
         )
