@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test tools check bench docs trials-proof clean help
+.PHONY: run test tools check bench docs trials-proof logs-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -36,6 +36,9 @@ docs: $(STAMP)  ## draw the picture of docs/architecture.md from the code's impo
 
 trials-proof: $(STAMP)  ## the long proofs about campaigns: kills, a cluster, 10,000 trials, full disks
 	@$(BIN)/python -m pytest -m campaign -rA --durations=0 tests/test_trials_campaign.py $(ARGS)
+
+logs-proof: $(STAMP)  ## 1000 mutated logs and 100 falsified results through every command, some 40 minutes
+	@CMPC_MUTATIONS=1000 CMPC_FALSE=100 $(BIN)/python -m pytest tests/test_log_mutations.py tests/test_log_false.py $(ARGS)
 
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -11,6 +11,7 @@ import pytest
 from sim.bridge.run import run_scenario
 from sim.cli import main
 from sim.log.read import read_log, salvage
+from sim.log.read.scan import scan
 from sim.scenario import load, with_values
 
 DAMAGES = int(os.environ.get("CMPC_FUZZ", "80"))
@@ -78,6 +79,12 @@ def test_damage_is_told_and_survived(path, tmp_path, capsys):
             with at_most(LONGEST):
                 code = main([str(word) for word in words])
             told = capsys.readouterr()
+            if name == "recover" and code == 0:  # the damage is behind the data, in what only repeats them
+                walked = scan(content)
+                assert walked.ended and not walked.problems
+                assert main(["log", "compare", str(path), str(out)]) == 0
+                capsys.readouterr()
+                continue
             assert code in legal, (number, name, told)
             assert not told.out.startswith("identical")
             if name == "recover" and code == 1:

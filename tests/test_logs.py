@@ -21,6 +21,7 @@ from sim.log.format.fields import CHANNELS, PREDICTION
 from sim.log.format.schema import SCHEMA, channel_metadata, full_name
 from sim.log.read import read_log, salvage
 from sim.log.read.attachments import check_xml
+from sim.log.read.scan import scan
 from sim.log.tools.compare import compare
 from sim.log.write.container import McapFile
 from sim.review import load
@@ -122,6 +123,7 @@ def exchanged(source, target, name, old, new):
 
 def test_recover_saves_all_whole_chunks_of_a_cut_log(path, tmp_path, capsys):
     data = path.read_bytes()
+    data = data[: scan(data).end - 13]  # what comes after the data only repeats them
     for fraction in (0.5, 0.9, 0.99):
         cut, saved = tmp_path / f"{fraction}.mcap", tmp_path / f"{fraction}-saved.mcap"
         cut.write_bytes(data[: int(fraction * len(data))])

@@ -226,6 +226,7 @@ def _header(scenario: Scenario, belief: Belief, plant: Walker, files: ModelFiles
         git_revision=git.revision,
         git_dirty=git.dirty,
         platform=provenance.platform_name(),
+        machine=provenance.machine(),
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         link_lengths={"torso": 2.0 * belief.model.torso.com, **lengths},
         ground=terrain.outline(-RUN_UP, walk_length + RUN_UP),

@@ -19,7 +19,8 @@ EPILOG = """\
   cmpc log check RUN.mcap                    cmpc log export RUN.mcap FOLDER --channel /control
   cmpc log recover KILLED.mcap SAVED.mcap    cmpc log compare A.mcap B.mcap
 
-exit code: 0 sound, nothing lost, identical; 1 problems found, something lost, different; 2 bad input
+exit code: 0 sound, nothing lost, identical or the same ticks in another container; 1 problems found, something lost,
+           different, or no verdict; 2 bad input
 """
 
 
@@ -56,8 +57,11 @@ def _warn(log: "Log") -> None:
         print(f"cmpc: warning: {log.path} is damaged at byte {at}: {printable(text)}", file=sys.stderr)
     if len(log.problems) > 5:
         print(f"cmpc: warning: and at {len(log.problems) - 5} other places", file=sys.stderr)
+    if log.unknown_format:
+        print(f"cmpc: warning: {log.path} {printable(log.unknown_format)}", file=sys.stderr)
     if not log.complete and not log.problems:
-        print(f"cmpc: warning: {log.path} was not finished; what is there is shown", file=sys.stderr)
+        how = "its closing bytes are missing, its data are there" if log.ended else "what is there is shown"
+        print(f"cmpc: warning: {log.path} was not finished; {how}", file=sys.stderr)
 
 
 def _info(found: Namespace) -> int:
@@ -80,16 +84,19 @@ def _info(found: Namespace) -> int:
 
 def _check(found: Namespace) -> int:
     from sim.log.tools.check import check
+    from sim.log.tools.signed import is_signed
     from sim.log.tools.text import printable
 
     log, problems = check(found.log)
     if found.json:
-        print(json.dumps({"log": str(found.log), "sound": not problems, "problems": problems}))
+        out = {"log": str(found.log), "sound": not problems, "signed": is_signed(log), "problems": problems}
+        print(json.dumps(out))
     else:
         for problem in problems:
             print(printable(problem))
         messages = sum(len(log.records(topic)) for topic in log.channels)
-        verdict = f"{len(problems)} problems" if problems else "sound"
+        signed = "" if is_signed(log) or "result" not in log.metadata else ", unsigned"
+        verdict = (f"{len(problems)} problems" if problems else "sound") + signed
         parts = f"{len(log.channels)} channels, {messages} messages, {len(log.attachments)} attachments"
         print(f"{found.log}: {verdict}; {parts}")
     return 1 if problems else 0
@@ -118,12 +125,16 @@ def _export(found: Namespace) -> int:
     _warn(log)
     for file in export(run_of(log), found.folder, found.format, found.channel):
         print(file)
-    return 0 if log.complete and not log.problems else 1
+    for topic, count in log.malformed.items():
+        if count:
+            print(f"cmpc: warning: {count} messages of {topic} do not match the schema: left out", file=sys.stderr)
+    return 0 if log.complete and not log.problems and not any(log.malformed.values()) else 1
 
 
 def _compare(found: Namespace) -> int:
     from sim.log.read import salvage
     from sim.log.tools.compare import compare
+    from sim.log.tools.text import printable
 
     logs = salvage(found.a), salvage(found.b)
     for log in logs:
@@ -132,21 +143,22 @@ def _compare(found: Namespace) -> int:
     if found.json:
         first = result.first._asdict() if result.first else None
         channels = {c.topic: {"equal": c.equal, "counts": c.counts, "largest": c.largest} for c in result.channels}
-        out = {"identical": result.identical, "sound": result.sound, "first": first}
-        print(json.dumps({**out, "attachments": result.attachments, "channels": channels}))
-        return 0 if result.identical else 1
+        out = {"identical": result.identical, "same_ticks": result.same_ticks, "sound": result.sound, "first": first}
+        more = {
+            name: getattr(result, name) for name in ("attachments", "metadata", "provenance", "container", "unsound")
+        }
+        print(json.dumps({**out, **more, "channels": channels}))
+        return 0 if result.same_run else 1
     for channel in result.channels:
         print(_line(channel))
     for name in result.attachments:
         print(f"attachment {name} differs")
-    if result.identical:
-        print("identical (wall times left out)")
-    elif result.first:
-        d = result.first
-        print(f"different: first at tick {d.tick}, {d.topic} {d.field}".rstrip() + f": {d.a} | {d.b}")
-    else:
-        print("different" if result.sound else "no verdict: a log is damaged or was not finished")
-    return 0 if result.identical else 1
+    for words in result.unsound:
+        print(printable(words))
+    if result.provenance:
+        print(f"recorded apart: {', '.join(result.provenance)} differ")
+    print(printable(result.verdict))
+    return 0 if result.same_run else 1
 
 
 def _line(channel: "ChannelComparison") -> str:

@@ -109,6 +109,7 @@ def _differences(verdict: "Verdict") -> list[str]:
     if first:
         where = f"tick {first.tick}, {first.topic} {first.field}".rstrip()
         lines.append(f"first difference: {where}: {first.a} in the log, {first.b} now")
+    lines += [f"attachment {name} differs" for name in verdict.attachments]
     for channel in verdict.comparison.channels:
         for name, gap in sorted(channel.largest.items(), key=lambda item: -item[1])[:1]:
             lines.append(f"{channel.topic}: up to {gap:.3g} {channel.units.get(name, '')} in {name}")

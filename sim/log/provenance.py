@@ -1,5 +1,6 @@
 """Where a log came from: package versions, revision, machine. Imports none of the packages it names."""
 
+import os
 import platform
 import subprocess
 from dataclasses import dataclass
@@ -69,6 +70,42 @@ def git_state(root: Path = _ROOT) -> GitState:
     heads = [line.split()[-1] for line in lines if line.startswith("# branch.oid ")]
     revision = next((head for head in heads if head != "(initial)"), None)
     return GitState(revision, any(not line.startswith("#") for line in lines))
+
+
+def machine() -> dict[str, str]:
+    """What may change the last bits of a run.
+
+    Returns:
+        "cpu", "blas" (its library and the kernel it picked) and "kernels" (digest of the sources of compiled kernels
+        and of what compiles them).
+    """
+    import llvmlite.binding
+    from threadpoolctl import threadpool_info
+
+    from controller.compiled import ROOT, digest
+
+    target = os.environ.get("NUMBA_CPU_NAME") or llvmlite.binding.get_host_cpu_name()
+    libraries = {
+        f"{one['internal_api']} {one['version']} {one.get('architecture', '')}".strip()
+        for one in threadpool_info()
+        if one["user_api"] == "blas"
+    }
+    sources = (ROOT / "controller" / "laws.py", ROOT / "sim" / "plant" / "rigid_plant.py")
+    return {
+        "cpu": f"{_processor()}, compiled for {target}",
+        "blas": ", ".join(sorted(libraries)),
+        "kernels": " ".join(digest(file) for file in sources if file.is_file()),
+    }
+
+
+def _processor() -> str:
+    """Name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
 
 
 def platform_name() -> str:

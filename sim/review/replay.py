@@ -15,16 +15,11 @@ from sim.log.read import Log, read_log
 from sim.log.read.attachments import scenario_of, unpacked
 from sim.log.read.frames import parsed
 from sim.log.tools.check import changed_attachments
-from sim.log.tools.compare import Comparison, compare
+from sim.log.tools.compare import MEASURED, SINCE, Comparison, compare
+from sim.log.tools.signed import signature_problems
 from sim.loop import Outcome, Progress, RunSummary, Stop
 from sim.scenario import Scenario
 from sim.walkers import ModelFiles
-
-MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")
-"""Figures of a summary that depend on the machine."""
-
-SINCE = ("judged_by", "scuff_depth_m", "scuff_time_s")
-"""Figures that logs written before they were invented do not have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +28,8 @@ class Verdict:
 
     Attributes:
         comparison: The log against the new run.
-        changed: Attachments that are not those the run began with, a sentence each.
+        changed: What is not as the run left it, attachments or anything signed; a sentence each.
+        attachments: Attachments that the new run does not have so; a scenario that reads the same is the same.
         figures: Names of figures of the summary that differ.
         ticks: Ticks of the log.
         whole: Whether the log has the end of its run; without it the new run is compared as far as the log goes.
@@ -41,6 +37,7 @@ class Verdict:
 
     comparison: Comparison
     changed: tuple[str, ...]
+    attachments: tuple[str, ...]
     figures: tuple[str, ...]
     ticks: int
     whole: bool
@@ -49,13 +46,16 @@ class Verdict:
     def agrees(self) -> bool:
         """Whether nothing that is in the log differs."""
         channels = self.comparison.channels
-        same = bool(channels) and all(c.equal for c in channels) and not self.comparison.attachments
+        same = bool(channels) and all(c.equal for c in channels) and not self.attachments
         return same and not self.changed and not self.figures and self.ticks > 0
 
     @property
     def identical(self) -> bool:
         """Whether the log is whole and every tick, event, attachment and figure agrees to the last bit."""
-        return self.agrees and self.whole and self.comparison.identical
+        return self.agrees and self.whole and self.comparison.sound
+
+
+_MACHINE = {"cpu": "the processor", "blas": "the kernel of the BLAS", "kernels": "the digest of the compiled kernels"}
 
 
 def version_changes(log: Log) -> list[str]:
@@ -68,6 +68,9 @@ def version_changes(log: Log) -> list[str]:
         for name in sorted({*then, *now})
         if then.get(name) != now.get(name)
     ]
+    for name, now_here in (provenance.machine() if "cpu" in run else {}).items():
+        if run.get(name) != now_here:
+            found.append(f"{_MACHINE[name]} was {run.get(name, 'not told')}, is {now_here}")
     git = provenance.git_state()
     if run.get("git_revision") and git.revision and run["git_revision"] != git.revision:
         found.append(f"the program was at revision {run['git_revision'][:12]}, is at {git.revision[:12]}")
@@ -105,10 +108,13 @@ def replay(log: Log, *, progress: Progress | None = None, announce: Announce | N
             failure = f"{type(error).__name__}: {error}"
         if not again.exists():
             raise UserError(f"{log.path} cannot be run again: {failure}")
-        comparison = compare(log, read_log(again), last_tick=None if whole else ticks - 1)
+        new = read_log(again)
+        comparison = compare(log, new, last_tick=None if whole else ticks - 1)
+        same = "scenario.toml" in new.attachments and scenario_of(new) == scenario
     return Verdict(
         comparison=comparison,
-        changed=tuple(_changed(log)),
+        changed=(*_changed(log), *(signature_problems(log) if whole else ())),
+        attachments=tuple(name for name in comparison.attachments if not (same and name == "scenario.toml")),
         figures=_figures(result, summary) if whole else (),
         ticks=ticks,
         whole=whole,

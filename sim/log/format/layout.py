@@ -71,8 +71,8 @@ class Layout:
             }
         )
 
-    def fits(self, records: NDArray[np.uint8]) -> bool:
-        """Whether tags and lengths are the template's.
+    def fits(self, records: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Whether the tags and lengths of each record are the template's, (n,).
 
         Args:
             records: Bytes of n message records, (n, itemsize of `record_dtype`).
@@ -82,7 +82,7 @@ class Layout:
             constant[offset : offset + np.dtype(form).itemsize] = False
         where = np.flatnonzero(constant)
         expected = np.frombuffer(self.template, np.uint8)[where]
-        return bool((records[:, HEADER + where] == expected).all())
+        return np.asarray((records[:, HEADER + where] == expected).all(axis=1))
 
 
 def layout_of(message: Any) -> Layout:

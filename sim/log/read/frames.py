@@ -8,6 +8,7 @@ control.t, control["u_total.left_hip"], control.units["u_total.left_hip"]
 """
 
 import json
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,11 +19,14 @@ from foxglove_schemas_protobuf.Log_pb2 import Log as LogMessage
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.log.read.reader import Log, read_log
+from sim.log.format.layout import HEADER
+from sim.log.format.seal import KEY as SIGNATURE
+from sim.log.format.topics import EVENTS
+from sim.log.read.reader import Log, read_log, time_ns
 
 _OWN = ("_tick", "_time_ns", "_publish_ns")  # what an MCAP message carries besides its fields
 MOST_COLUMNS = 2000
-EVENTS = "/events"
+MOST_CELLS = 10_000_000  # of a channel with series: a minute of walking has 1 million
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +100,7 @@ class Frames(Mapping[str, Frame]):
         """Args: log: where the messages are."""
         self._log = log
         self._fixed = {topic: log.has_layout(topic) for topic in log.channels}
-        self._topics = [topic for topic, fixed in self._fixed.items() if fixed or log.units(topic)]
+        self._topics = [t for t, fixed in self._fixed.items() if fixed or (log.is_own(t) and log.units(t))]
         self._known: dict[str, Frame] = {}
 
     def __getitem__(self, topic: str) -> Frame:
@@ -152,7 +156,7 @@ class Run:
     def result(self) -> dict[str, Any]:
         """The figures of the run, as `cmpc run --json` prints them; empty if it did not end."""
         texts = self.log.metadata.get("result", {})
-        return {key: parsed(text) for key, text in texts.items()}
+        return {key: parsed(text) for key, text in texts.items() if key != SIGNATURE}
 
     @property
     def scenario_toml(self) -> str:
@@ -182,7 +186,7 @@ def load(path: Path | str) -> Run:
 
 def run_of(log: Log) -> Run:
     """The frames of a log that is in memory."""
-    return Run(log=log, frames=Frames(log), events=tuple(_events(log)) if EVENTS in log.channels else ())
+    return Run(log=log, frames=Frames(log), events=tuple(events_of(log)) if log.is_own(EVENTS) else ())
 
 
 def _fixed_frame(log: Log, topic: str) -> Frame:
@@ -193,19 +197,19 @@ def _fixed_frame(log: Log, topic: str) -> Frame:
 
 def _series_frame(log: Log, topic: str) -> Frame:
     """A channel with series in its messages: a column for each place, `y.stance_hip[0]`."""
-    messages = log.messages(topic)
-    values: dict[str, list[float]] = {}
-    for row, (_, message) in enumerate(messages):
+    values: dict[str, array[float]] = {}
+    ticks, times = [], []
+    for row, (record, message) in enumerate(log.decoded(topic)):
+        ticks.append(int.from_bytes(record[11:15], "little"))
+        times.append(time_ns(record))
         for name, value in _flat(message, ""):
-            column = values.setdefault(name, [])
+            column = values.setdefault(name, array("d"))
             column.extend([np.nan] * (row - len(column)))
             column.append(value)
-        if len(values) > MOST_COLUMNS:
-            raise UserError(f"{log.path}: {topic} has more than {MOST_COLUMNS} columns")
-    n = len(messages)
-    columns = {name: np.array(column + [np.nan] * (n - len(column))) for name, column in values.items()}
-    ticks = [int.from_bytes(record[11:15], "little") for record in log.records(topic)]
-    times = [time_ns for time_ns, _ in messages]
+        if len(values) > MOST_COLUMNS or len(values) * row > MOST_CELLS:
+            raise UserError(f"{log.path}: {topic} has more than {MOST_COLUMNS} columns or {MOST_CELLS} values")
+    n = len(times)
+    columns = {name: np.array(column + array("d", [np.nan] * (n - len(column)))) for name, column in values.items()}
     return _frame(log, topic, np.array(ticks, np.int64), np.array(times, np.uint64), columns)
 
 
@@ -236,16 +240,20 @@ def _frame(log: Log, topic: str, ticks: Any, times: Any, columns: dict[str, NDAr
     )
 
 
-def _events(log: Log) -> Iterator[Event]:
-    names = {
-        value.number: value.name.lower() for value in LogMessage.DESCRIPTOR.fields_by_name["level"].enum_type.values
-    }
+def events_of(log: Log) -> Iterator[Event]:
+    """Events of a log in order of time.
+
+    Raises:
+        UserError: one cannot be decoded, in a log that is read strictly.
+    """
+    levels = LogMessage.DESCRIPTOR.fields_by_name["level"].enum_type.values
+    names = {value.number: value.name.lower() for value in levels}
     for record in log.records(EVENTS):
         try:
-            message = LogMessage.FromString(record[31:])
+            message = LogMessage.FromString(record[HEADER:])
         except Exception as error:
+            if log.tolerant:
+                continue
             raise UserError(f"{log.path}: a message of {EVENTS} cannot be decoded: {error}") from error
-        time_ns = int.from_bytes(record[15:23], "little")
-        yield Event(
-            t=time_ns * 1e-9, level=names.get(message.level, "unknown"), name=message.name, message=message.message
-        )
+        level = names.get(message.level, "unknown")
+        yield Event(t=time_ns(record) * 1e-9, level=level, name=message.name, message=message.message)

@@ -1,7 +1,9 @@
 """Walks the records of an MCAP file that may be damaged, cut off or hostile.
 
-Every record is checked against its own lengths and CRCs before anything is kept; nothing is allocated that the
-file only claims to need. Where the bytes make no sense, the walk goes on at the next chunk it can recognise.
+The walk is ours: `mcap.reader` stops at the first damage, trusts lengths and counts, and reads nothing of a file
+that was cut off. Its record classes are used. Every record is checked against its own lengths and CRCs before
+anything is kept; nothing is allocated that the file only claims to need. Where the bytes make no sense, the walk
+goes on at the next record it can recognise.
 """
 
 import zlib
@@ -11,21 +13,23 @@ from io import BytesIO
 from struct import Struct
 from typing import Any, NamedTuple
 
-import zstandard
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-LARGEST_CHUNK = 64 * 2**20  # [B] unpacked; ours are 0.3 MB
-LARGEST_TOTAL = 2 * 2**30  # [B] unpacked, all chunks; a minute of walking is 70 MB
+from sim.log.read.unpack import Budget, unpack
+
 MOST_PROBLEMS = 100
-"""Problems listed; there may be more."""
+"""Problems listed; a file with more places at which its records make no sense is read no further."""
+MOST_DESCRIPTIONS = 5000  # schemas, channels, metadata and attachments; ours has 20
+PRIVATE = 0x80  # opcodes from here on are anybody's own
 
 _RECORD = Struct("<BQ")
 _MESSAGE_INDEX = Struct("<HI")
-_ZSTD = b"\x04\x00\x00\x00zstd"
-_ZSTD_AT = _RECORD.size + 8 + 8 + 8 + 4  # offset of the compression's name within a chunk record
+_WINDOW = 2**20  # [B] searched at once
+_CHAIN = 4  # records in a row that make sense
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -35,6 +39,8 @@ _KINDS: dict[int, Any] = {
     Opcode.METADATA: Metadata,
     Opcode.DATA_END: DataEnd,
 }
+_IN_DATA = (*_KINDS, Opcode.MESSAGE, Opcode.MESSAGE_INDEX)
+_LEAST_MESSAGE = 22  # [B]: channel, sequence, two times
 
 
 class Problem(NamedTuple):
@@ -50,25 +56,62 @@ class Scan:
 
     Attributes:
         complete: Whether the file was finished: it has a footer and ends as it should.
+        ended: Whether the data section came to its end; what may be missing or wrong after it costs no message.
         end: Byte after the last whole record of the data.
-        problems: What is wrong with it, at most `MOST_PROBLEMS`; a file that just stops has none.
+        problems: What is wrong with the data, at most `MOST_PROBLEMS`; a file that just stops has none.
+        summary_problems: What is wrong with the summary, which only repeats what the data say.
         chunks: Chunks whose CRC is right.
-        kept: (opcode, record) of every sound schema, channel, metadata and attachment, in order.
+        compressions: Names of the compressions of chunks; "unchunked" where a message lies outside any.
+        kept: (opcode, record) of every sound schema, channel, metadata and attachment, in order, each once.
         messages: Channel id -> message records as bytes, in order.
+        order: Channel id of every message, in order of the file.
     """
 
     complete: bool = False
+    ended: bool = False
     end: int = len(MCAP0_MAGIC)
     problems: list[Problem] = field(default_factory=list)
+    summary_problems: list[Problem] = field(default_factory=list)
     chunks: int = 0
+    compressions: set[str] = field(default_factory=set)
     kept: list[tuple[int, Any]] = field(default_factory=list)
     messages: dict[int, list[bytes]] = field(default_factory=dict)
-    _unpacked: int = 0
+    order: list[int] = field(default_factory=list)
+    _defined: dict[tuple[int, int], Any] = field(default_factory=dict)
 
     def problem(self, at: int, text: str) -> None:
         """Note a problem at a byte."""
         if len(self.problems) < MOST_PROBLEMS:
             self.problems.append(Problem(at, text))
+
+    def keep(self, opcode: int, record: Any) -> None:
+        """Keep a record that describes the log.
+
+        Raises:
+            ValueError: another one has its id, or there are too many.
+        """
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            known = self._defined.setdefault((opcode, record.id), record)
+            if known is not record:
+                if known != record:
+                    raise ValueError(f"a second {Opcode(opcode).name.lower()} has the id {record.id}")
+                return
+        if len(self.kept) >= MOST_DESCRIPTIONS:
+            raise ValueError(f"there are more than {MOST_DESCRIPTIONS} schemas, channels, metadata and attachments")
+        self.kept.append((opcode, record))
+
+    def take_message(self, record: bytes, budget: Budget) -> None:
+        """Keep a message record.
+
+        Raises:
+            ValueError: it is too short, or there are too many.
+        """
+        if len(record) < _RECORD.size + _LEAST_MESSAGE:
+            raise ValueError("a message is shorter than its head")
+        budget.take_message()
+        channel_id = record[9] | record[10] << 8
+        self.messages.setdefault(channel_id, []).append(record)
+        self.order.append(channel_id)
 
 
 class _Senseless(ValueError):
@@ -77,33 +120,33 @@ class _Senseless(ValueError):
 
 def scan(data: bytes) -> Scan:
     """Walk a file that begins with MCAP's magic bytes."""
-    found = Scan()
+    walked, budget = Scan(), Budget(len(data))
     view = memoryview(data)
     at = len(MCAP0_MAGIC)
     while at + _RECORD.size <= len(data):
         opcode, length = _RECORD.unpack_from(data, at)
         end = at + _RECORD.size + length
         if opcode == Opcode.DATA_END and end <= len(data):
-            found.end = end
-            _finish(found, data, at, end)
-            return found
+            walked.end = end
+            _finish(walked, data, at, end)
+            return walked
         try:
             if end > len(data):
                 raise _Senseless("a record goes beyond the end of the file")
-            _take(found, opcode, view[at + _RECORD.size : end])
+            _take(walked, opcode, view[at:end], budget)
         except _Senseless as error:
-            again = _next_chunk(data, at)
+            again = _resume(data, at) if len(walked.problems) < MOST_PROBLEMS else -1
             if again < 0:
                 if end <= len(data):
-                    found.problem(at, str(error))
-                return found  # what follows is the record that was being written
-            found.problem(at, f"{error}; skipped {again - at} bytes to the next chunk")
+                    walked.problem(at, str(error))
+                return walked  # what follows is the record that was being written
+            walked.problem(at, f"{error}; skipped {again - at} bytes to the next record")
             at = again
             continue
         except Exception as error:
-            found.problem(at, str(error) or type(error).__name__)
-        at = found.end = end
-    return found
+            walked.problem(at, str(error) or type(error).__name__)
+        at = walked.end = end
+    return walked
 
 
 def walk(data: memoryview, at: int) -> Iterator[tuple[int, int, memoryview]]:
@@ -133,76 +176,120 @@ def parse(kind: Any, body: memoryview) -> Any:
     return record
 
 
-def _next_chunk(data: bytes, at: int) -> int:
-    """Byte at which the next chunk record after `at` seems to begin, -1 if there is none."""
-    while (name := data.find(_ZSTD, at + 1 + _ZSTD_AT)) >= 0:
-        start = name - _ZSTD_AT
-        opcode, length = _RECORD.unpack_from(data, start)
-        if opcode == Opcode.CHUNK and start + _RECORD.size + length <= len(data):
-            return start
-        at = start
+def _resume(data: bytes, at: int) -> int:
+    """Byte after `at` at which records make sense again, -1 if there is none."""
+    array = np.frombuffer(data, np.uint8)
+    known = np.zeros(256, bool)
+    known[list(_IN_DATA)] = True
+    tries = 100_000
+    for start in range(at + 1, len(data) - _RECORD.size, _WINDOW):
+        part = array[start : start + _WINDOW + _RECORD.size - 1]
+        n = len(part) - _RECORD.size + 1
+        likely = known[part[:n]]
+        for place in range(5, 9):  # no record of 4 GiB or more
+            likely &= part[place : place + n] == 0
+        for candidate in np.flatnonzero(likely).tolist():
+            tries -= 1
+            if tries < 0:
+                return -1
+            if _makes_sense(data, start + candidate):
+                return int(start + candidate)
     return -1
 
 
-def _take(found: Scan, opcode: int, body: memoryview) -> None:
+def _makes_sense(data: bytes, at: int) -> bool:
+    """Whether records begin at a byte: several in a row of possible lengths, or one whole chunk."""
+    view = memoryview(data)
+    for _ in range(_CHAIN):
+        if at + _RECORD.size > len(data):
+            return False
+        opcode, length = _RECORD.unpack_from(data, at)
+        end = at + _RECORD.size + length
+        if end > len(data) or opcode not in _IN_DATA:
+            return False
+        body = view[at + _RECORD.size : end]
+        try:
+            if opcode == Opcode.MESSAGE_INDEX:
+                _check_index(body)
+            elif opcode == Opcode.MESSAGE:
+                if length < _LEAST_MESSAGE:
+                    return False
+            else:
+                parse(_KINDS[opcode], body)
+        except ValueError:
+            return False
+        if opcode in (Opcode.CHUNK, Opcode.DATA_END):
+            return True
+        at = end
+    return True
+
+
+def _check_index(body: memoryview) -> None:
+    if len(body) < _MESSAGE_INDEX.size or _MESSAGE_INDEX.unpack_from(body)[1] != len(body) - _MESSAGE_INDEX.size:
+        raise _Senseless("a message index has another length than its entries")
+
+
+def _take(walked: Scan, opcode: int, whole: memoryview, budget: Budget) -> None:
     """Keep what one record of the data says, if it is sound."""
+    body = whole[_RECORD.size :]
     if opcode == Opcode.MESSAGE_INDEX:
-        if len(body) < _MESSAGE_INDEX.size or _MESSAGE_INDEX.unpack_from(body)[1] != len(body) - _MESSAGE_INDEX.size:
-            raise _Senseless("a message index has another length than its entries")
+        _check_index(body)
+        return
+    if opcode == Opcode.MESSAGE:
+        walked.take_message(bytes(whole), budget)
+        walked.compressions.add("unchunked")
+        return
+    if opcode >= PRIVATE:
         return
     if opcode not in _KINDS:
-        raise _Senseless(f"there is no record of kind {opcode}")
+        raise _Senseless(f"there is no record of kind {opcode} in the data")
     record = parse(_KINDS[opcode], body)
     if opcode == Opcode.CHUNK:
-        _unpack(found, record)
+        _take_chunk(walked, record, budget)
         return
-    if opcode == Opcode.ATTACHMENT and zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
-        raise ValueError("CRC of an attachment is wrong")
+    if opcode == Opcode.ATTACHMENT:
+        crc = int.from_bytes(body[-4:], "little")
+        if crc and zlib.crc32(body[:-4]) != crc:
+            raise ValueError("CRC of an attachment is wrong")
     if opcode != Opcode.HEADER:
-        found.kept.append((opcode, record))
+        walked.keep(opcode, record)
 
 
-def _unpack(found: Scan, chunk: Chunk) -> None:
+def _take_chunk(walked: Scan, chunk: Chunk, budget: Budget) -> None:
     """Sort the message records of a chunk by channel."""
-    if chunk.compression != "zstd":
-        raise ValueError(f"compression {chunk.compression!r} of a chunk is not 'zstd'")
-    if chunk.uncompressed_size > LARGEST_CHUNK:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes exceeds the limit of {LARGEST_CHUNK}")
-    found._unpacked += chunk.uncompressed_size
-    if found._unpacked > LARGEST_TOTAL:
-        raise ValueError(f"the chunks exceed {LARGEST_TOTAL} bytes together")
-    declared = zstandard.frame_content_size(chunk.data)
-    if declared not in (-1, chunk.uncompressed_size):
-        raise ValueError(f"a chunk holds {declared} bytes and says {chunk.uncompressed_size}")
-    data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("CRC of a chunk is wrong")
-    found.chunks += 1
-    messages, size = found.messages, len(data)
-    at, head, unpack = 0, _RECORD.size, _RECORD.unpack_from
-    while at + head + 2 <= size:
-        opcode, length = unpack(data, at)
+    data = unpack(chunk, budget)
+    walked.chunks += 1
+    walked.compressions.add(chunk.compression or "none")
+    size = len(data)
+    at, head, read = 0, _RECORD.size, _RECORD.unpack_from
+    while at + head <= size:
+        opcode, length = read(data, at)
         end = at + head + length
         if end > size:
             break
         if opcode == Opcode.MESSAGE:
-            messages.setdefault(data[at + 9] | data[at + 10] << 8, []).append(data[at:end])
+            walked.take_message(data[at:end], budget)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            found.kept.append((opcode, parse(_KINDS[opcode], memoryview(data)[at + head : end])))
+            try:
+                walked.keep(opcode, parse(_KINDS[opcode], memoryview(data)[at + head : end]))
+            except _Senseless as error:  # the chunk's own lengths are right: only this record is lost
+                raise ValueError(str(error)) from None
         at = end
     if at != size:
         raise ValueError("the records of a chunk do not fill it")
 
 
-def _finish(found: Scan, data: bytes, at: int, end: int) -> None:
+def _finish(walked: Scan, data: bytes, at: int, end: int) -> None:
     """Check what closes a file, from the record at byte `at` that ends the data."""
     try:
         crc = parse(DataEnd, memoryview(data)[at + _RECORD.size : end]).data_section_crc
     except ValueError as error:
-        found.problem(at, str(error))
+        walked.problem(at, str(error))
         return
+    walked.ended = True
     if crc and zlib.crc32(data[:at]) != crc:
-        found.problem(at, "CRC of the data section is wrong")
+        walked.problem(at, "CRC of the data section is wrong")
+    wrong = walked.summary_problems
     for start, opcode, body in walk(memoryview(data), end):
         if opcode != Opcode.FOOTER:
             continue
@@ -210,15 +297,15 @@ def _finish(found: Scan, data: bytes, at: int, end: int) -> None:
         try:
             footer = parse(Footer, body)
         except ValueError as error:
-            found.problem(start, str(error))
+            wrong.append(Problem(start, str(error)))
             return
-        found.complete = data[after:] == MCAP0_MAGIC
-        if not found.complete and len(data) > after:
-            found.problem(after, "the file does not end as it should")
+        walked.complete = data[after:] == MCAP0_MAGIC
+        if not walked.complete and not MCAP0_MAGIC.startswith(data[after:]):
+            wrong.append(Problem(after, "the file does not end as it should"))
         if footer.summary_start and footer.summary_start != end:
-            found.problem(start, "the footer points to a summary that is not there")
-        elif footer.summary_crc and zlib.crc32(data[footer.summary_start : after - 4]) != footer.summary_crc:
-            found.problem(start, "CRC of the summary is wrong")
+            wrong.append(Problem(start, "the footer points to a summary that is not there"))
+        elif footer.summary_crc and zlib.crc32(data[end : after - 4]) != footer.summary_crc:
+            wrong.append(Problem(start, "CRC of the summary is wrong"))
         return
     if data.endswith(MCAP0_MAGIC):
-        found.problem(end, "the summary cannot be read")
+        wrong.append(Problem(end, "the summary cannot be read"))

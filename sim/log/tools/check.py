@@ -1,21 +1,25 @@
-"""Is a log sound? CRCs, summary against data, gaps in the ticks, messages against schemas, attachments."""
+"""Is a log sound? CRCs, gaps in the ticks, messages against schemas, attachments, signature, figures against ticks."""
 
 import json
 import tomllib
 from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
 from sim.errors import UserError
+from sim.log.format.topics import PER_TICK, REQUIRED
 from sim.log.read import Log
 from sim.log.read.attachments import check_xml
 from sim.log.read.reader import log_of, read_bytes
 from sim.log.read.scan import Scan, parse, scan, walk
+from sim.log.tools.judged import judged_problems
 from sim.log.tools.recover import gaps
+from sim.log.tools.signed import signature_problems
 from sim.scenario import from_toml
 
 
@@ -26,27 +30,37 @@ def check(path: Path) -> tuple[Log, list[str]]:
         UserError: it cannot be opened or is no MCAP file.
     """
     data = read_bytes(path)
-    found = scan(data)
-    log = log_of(path, found)
-    problems = [f"byte {at}: {text}" for at, text in found.problems]
-    if not log.complete:
-        problems.append("the log was not finished: the run was killed, or the file is cut off")
+    walked = scan(data)
+    log = log_of(path, walked)
+    problems = [f"byte {at}: {text}" for at, text in log.problems]
+    if log.unknown_format:
+        problems.append(f"the log {log.unknown_format}")
+    if log.complete:
+        problems += _summary(data, walked)
+    elif log.ended:
+        problems.append("the file lacks its closing bytes; its data are all there")
     else:
-        problems += _summary(data, found)
-    problems += [f"{topic} lacks the ticks {first} to {last}" for topic, first, last in gaps(log)]
+        problems.append("the log was not finished: the run was killed, or the file is cut off")
+    problems += [f"channel {topic} is missing" for topic in REQUIRED if not log.is_own(topic)]
+    lacking = gaps(log)
+    problems += [f"{topic} lacks the ticks {first} to {last}" for topic, first, last in lacking]
     problems += _messages(log)
     problems += _attachments(log)
     if "run" not in log.metadata:
         problems.append('metadata "run" is missing')
+    elif log.format is None and not log.unknown_format:
+        problems.append("the log does not name its format")
     if "result" not in log.metadata:
         problems.append('metadata "result" is missing: the run did not come to its end')
+    problems += signature_problems(log)
+    if not lacking and "recovery" not in log.metadata:
+        problems += judged_problems(log)
     return log, problems
 
 
-def _summary(data: bytes, found: Scan) -> Iterator[str]:
-    """Compare the summary section with the data it summarises."""
-    counts = {key: len(records) for key, records in found.messages.items()}
-    kept = [record for _, record in found.kept]
+def _summary(data: bytes, walked: Scan) -> Iterator[str]:
+    """Compare what the summary section repeats with the data; a file may do without."""
+    counts = {key: len(records) for key, records in walked.messages.items()}
     kinds = {
         Opcode.SCHEMA: Schema,
         Opcode.CHANNEL: Channel,
@@ -55,8 +69,8 @@ def _summary(data: bytes, found: Scan) -> Iterator[str]:
         Opcode.ATTACHMENT_INDEX: AttachmentIndex,
         Opcode.METADATA_INDEX: MetadataIndex,
     }
-    seen: dict[int, list[object]] = {kind: [] for kind in kinds}
-    for at, opcode, body in walk(memoryview(data), found.end):
+    seen: dict[int, list[Any]] = {kind: [] for kind in kinds}
+    for at, opcode, body in walk(memoryview(data), walked.end):
         if opcode in kinds:
             try:
                 seen[opcode].append(parse(kinds[Opcode(opcode)], body))
@@ -64,40 +78,48 @@ def _summary(data: bytes, found: Scan) -> Iterator[str]:
                 yield f"byte {at}: {error}"
                 return
     for opcode, name in ((Opcode.SCHEMA, "schemas"), (Opcode.CHANNEL, "channels")):
-        if seen[opcode] != [record for code, record in found.kept if code == opcode]:
+        listed = {record.id: record for record in seen[opcode]}
+        if listed and listed != {record.id: record for code, record in walked.kept if code == opcode}:
             yield f"the {name} of the summary are not those of the data"
-    if len(seen[Opcode.CHUNK_INDEX]) != found.chunks:
-        yield f"the summary lists {len(seen[Opcode.CHUNK_INDEX])} chunks, there are {found.chunks}"
+    if seen[Opcode.CHUNK_INDEX] and len(seen[Opcode.CHUNK_INDEX]) != walked.chunks:
+        yield f"the summary lists {len(seen[Opcode.CHUNK_INDEX])} chunks, there are {walked.chunks}"
     for opcode, kind in ((Opcode.ATTACHMENT_INDEX, Opcode.ATTACHMENT), (Opcode.METADATA_INDEX, Opcode.METADATA)):
-        listed = [getattr(record, "name", "") for record in seen[opcode]]
-        if listed != [record.name for code, record in found.kept if code == kind]:
+        names = sorted(record.name for record in seen[opcode])
+        if names and names != sorted(record.name for code, record in walked.kept if code == kind):
             yield f"the {kind.name.lower()} names of the summary are not those of the data"
     for statistics in seen[Opcode.STATISTICS]:
-        assert isinstance(statistics, Statistics)
-        if statistics.channel_message_counts != counts or statistics.message_count != sum(counts.values()):
+        known = {key: count for key, count in statistics.channel_message_counts.items() if count}
+        if known != counts or statistics.message_count != sum(counts.values()):
             yield "the statistics count other messages than there are"
-    if not seen[Opcode.STATISTICS] and kept:
-        yield "the summary has no statistics"
 
 
 def _messages(log: Log) -> Iterator[str]:
     """Read every message by its schema; time must follow the ticks."""
     period = log.metadata.get("run", {}).get("period_ns", "")
-    for topic in log.channels:
+    whole = set(log.channel("/plant/state")["_tick"].tolist()) if log.has_layout("/plant/state") else set()
+    for topic in log.own:
         try:
             if not log.has_layout(topic):
-                log.messages(topic)
-                continue
-            rows = log.channel(topic)
+                for _ in log.decoded(topic):
+                    pass
+            else:
+                rows = log.channel(topic)
         except UserError as error:
             yield str(error)
             continue
+        if log.malformed.get(topic):
+            yield f"{log.malformed[topic]} messages of {topic} do not match the schema"
+        if topic not in PER_TICK or not log.has_layout(topic):
+            continue
+        ticks = rows["_tick"].astype(np.int64)
         if period.isdecimal() and len(period) < 12:
             times = rows["_tick"].astype(np.uint64) * np.uint64(int(period))
             if not np.array_equal(rows["_time_ns"], times):
                 yield f"{topic}: times are not tick times period"
-        if (np.diff(rows["_tick"].astype(np.int64)) <= 0).any():
-            yield f"{topic}: ticks do not increase"
+        if (np.diff(ticks) <= 0).any():
+            yield f"{topic} has a tick twice"
+        if set(ticks.tolist()) != whole:
+            yield f"{topic} has other ticks than /plant/state"
 
 
 def _attachments(log: Log) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Where two logs differ: first tick, channel and field, and the largest difference of each channel."""
 
+import contextlib
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -8,13 +9,30 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log as Event
 from numpy.typing import NDArray
 
-from sim.log.format.fields import CHANNELS
+from sim.errors import UserError
 from sim.log.format.layout import HEADER
+from sim.log.format.seal import KEY as SIGNATURE
+from sim.log.format.topics import EVENTS, PER_TICK
 from sim.log.read import Log
+from sim.log.read.reader import time_ns
+from sim.log.tools.signed import signature_problems
+from sim.log.tools.text import printable
 
-PER_TICK = frozenset(channel.topic for channel in CHANNELS)
 WALL_TIME = ("/timing",)
 """Channels that measure the machine; they differ between any two runs and are left out of the verdict."""
+
+MEASURED = ("solve_ms", "tick_ms", "realtime_factor", "log")
+"""Figures of a summary that depend on the machine."""
+
+SINCE = ("judged_by", "scuff_depth_m", "scuff_time_s")
+"""Figures that logs written before they were invented do not have."""
+
+SCUFF_SINCE = 2
+UNKNOWN_EVENTS = frozenset(("scuff",))
+"""Kinds of events that no log before format `SCUFF_SINCE` has."""
+
+PROVENANCE = ("format", "versions", "git_revision", "git_dirty", "platform", "cpu", "blas", "kernels")
+"""Entries of the metadata "run" that tell where and by what a log was recorded, not what ran."""
 
 
 class Difference(NamedTuple):
@@ -64,25 +82,62 @@ class Comparison:
     """Two logs.
 
     Attributes:
-        channels: Every channel of either, those of `WALL_TIME` left out.
+        channels: Every channel of this program that either has, those of `WALL_TIME` left out.
         attachments: Names of attachments that differ or are missing in one.
-        sound: Whether both logs are whole and undamaged.
+        metadata: What the logs say of run and result that differs, such as "result steps"; wall times left out.
+        provenance: Where and by what they were recorded, as far as it differs.
+        container: How the files hold the same messages, as far as it differs; a few words each.
+        unsound: Why there is no verdict: damage, a wrong signature, an unknown format; a sentence each.
     """
 
     channels: tuple[ChannelComparison, ...]
     attachments: tuple[str, ...]
-    sound: bool
+    metadata: tuple[str, ...]
+    provenance: tuple[str, ...]
+    container: tuple[str, ...]
+    unsound: tuple[str, ...]
 
     @property
     def first(self) -> Difference | None:
         """The earliest difference, None if there is none."""
-        found = [channel.first for channel in self.channels if channel.first]
-        return min(found, key=lambda d: d.tick, default=None)
+        return min((c.first for c in self.channels if c.first), key=lambda d: d.tick, default=None)
+
+    @property
+    def sound(self) -> bool:
+        """Whether both logs are whole, undamaged and as they were signed."""
+        return not self.unsound
+
+    @property
+    def same_ticks(self) -> bool:
+        """Whether both are sound and agree in every message of this program."""
+        return self.sound and bool(self.channels) and all(c.equal for c in self.channels)
+
+    @property
+    def same_run(self) -> bool:
+        """Whether they agree in every attachment and in what they say of the run, too."""
+        return self.same_ticks and not self.attachments and not self.metadata
 
     @property
     def identical(self) -> bool:
-        """Whether both are sound and agree in every tick and every attachment."""
-        return self.sound and bool(self.channels) and not self.attachments and all(c.equal for c in self.channels)
+        """Whether the files hold the same run in the same way."""
+        return self.same_run and not self.container
+
+    @property
+    def verdict(self) -> str:
+        """The outcome in a few words."""
+        if self.identical:
+            return "identical (wall times left out)"
+        if self.same_run:
+            return f"same ticks, other container: {'; '.join(self.container)}"
+        if self.same_ticks:
+            names = [*(f"attachment {name}" for name in self.attachments), *self.metadata]
+            return f"same ticks, but what the logs say of them differs: {', '.join(names)}"
+        if not self.sound:
+            return "no verdict: a log is damaged, was not finished or is not as it was signed"
+        if self.first is None:
+            return "different: no channel to compare"
+        d = self.first
+        return f"different: first at tick {d.tick}, {d.topic} {d.field}".rstrip() + f": {d.a} | {d.b}"
 
 
 def compare(a: Log, b: Log, *, last_tick: int | None = None) -> Comparison:
@@ -94,19 +149,53 @@ def compare(a: Log, b: Log, *, last_tick: int | None = None) -> Comparison:
         last_tick: Look no further than this tick, the last of a log that stops in the middle, whose events may
             be missing; None for all.
     """
-    topics = [topic for topic in {**a.channels, **b.channels} if topic not in WALL_TIME]
+    topics = [topic for topic in dict.fromkeys((*a.own, *b.own)) if topic not in WALL_TIME]
     names = {**a.attachments, **b.attachments}
+    channels = tuple(_channel(a, b, topic, last_tick) for topic in topics)
     return Comparison(
-        channels=tuple(_channel(a, b, topic, last_tick) for topic in topics),
+        channels=channels,
         attachments=tuple(name for name in names if a.attachments.get(name) != b.attachments.get(name)),
-        sound=all(log.complete and not log.problems for log in (a, b)),
+        metadata=tuple(_metadata(a, b)),
+        provenance=tuple(n for n in PROVENANCE if _said(a, "run").get(n) != _said(b, "run").get(n)),
+        container=tuple(a.container.differences(b.container)),
+        unsound=tuple(f"{log.path}: {words}" for log in (a, b) for words in _unsound(log)),
     )
 
 
+def _unsound(log: Log) -> list[str]:
+    """Why nothing certain can be said about a log."""
+    if log.problems:
+        return ["it is damaged"]
+    if not log.complete:
+        return ["it was not finished"]
+    if log.unknown_format:
+        return [f"it {log.unknown_format}"]
+    unreadable = [t for t in log.own if t in PER_TICK and not log.has_layout(t)]
+    bad = [f"the schema of {topic} cannot be read" for topic in unreadable]
+    bad += [f"messages of {topic} do not match the schema" for topic, count in log.malformed.items() if count]
+    return bad + signature_problems(log)
+
+
+def _said(log: Log, name: str) -> dict[str, str]:
+    return log.metadata.get(name, {})
+
+
+def _metadata(a: Log, b: Log) -> list[str]:
+    """Names of what the logs say of run and result that differs."""
+    names = []
+    for record, ignored in (("run", {*PROVENANCE, "started", "sha256"}), ("result", {*MEASURED, SIGNATURE})):
+        one, other = _said(a, record), _said(b, record)
+        for key in dict.fromkeys((*one, *other)):
+            since = key in SINCE and (key not in one or key not in other)
+            if key not in ignored and not since and one.get(key) != other.get(key):
+                names.append(f"{record} {key}")
+    return names
+
+
 def _channel(a: Log, b: Log, topic: str, last_tick: int | None) -> ChannelComparison:
-    there = [topic in log.channels for log in (a, b)]
+    there = [log.is_own(topic) for log in (a, b)]
     if not all(there):
-        counts = tuple(len(log.records(topic)) if found else -1 for log, found in zip((a, b), there, strict=True))
+        counts = tuple(len(log.records(topic)) if known else -1 for log, known in zip((a, b), there, strict=True))
         missing = Difference(0, topic, "", _there(there[0]), _there(there[1]))
         return ChannelComparison(topic=topic, counts=(counts[0], counts[1]), first=missing, largest={}, units={})
     first: Difference | None
@@ -115,28 +204,47 @@ def _channel(a: Log, b: Log, topic: str, last_tick: int | None) -> ChannelCompar
         first, largest = _compare_rows(topic, rows_a, rows_b)
         counts = (len(rows_a), len(rows_b))
     else:
+        known = None if topic == EVENTS and min(a.format or 0, b.format or 0) >= SCUFF_SINCE else UNKNOWN_EVENTS
         records = [
-            [
-                r
-                for r in log.records(topic)
-                if (last_tick is None or _tick(r) < last_tick) and not _is_headline(topic, r)
-            ]
+            sorted(
+                (
+                    record
+                    for record in log.records(topic)
+                    if (last_tick is None or _tick(record) < last_tick) and not _is_apart(topic, record, known)
+                ),
+                key=lambda record: (time_ns(record), record[HEADER:]),
+            )
             for log in (a, b)
         ]
         first, largest = _compare_records(topic, records[0], records[1]), {}
         counts = (len(records[0]), len(records[1]))
     units = {**b.units(topic), **a.units(topic)}
+    if first is None and (a.units(topic) != b.units(topic) or _schema(a, topic) != _schema(b, topic)):
+        first = Difference(0, topic, "", "its schema or units", "others")
     return ChannelComparison(topic=topic, counts=(counts[0], counts[1]), first=first, largest=largest, units=units)
 
 
-def _is_headline(topic: str, record: bytes) -> bool:
-    """Whether a message is the event that names scenario and versions: those are told apart elsewhere."""
-    if topic != "/events":
+def _schema(log: Log, topic: str) -> object:
+    """What a channel's messages are made of, without names of enum codes: later versions have more of them."""
+    try:
+        return log.fields(topic)
+    except UserError:
+        schema = log.schemas.get(log.channels[topic].schema_id)
+        return schema.data if schema else None
+
+
+def _is_apart(topic: str, record: bytes, unknown: frozenset[str] | None) -> bool:
+    """Whether a message is an event that is not compared.
+
+    Those are the one that names scenario and versions, told apart elsewhere, and kinds an older format does not have.
+    """
+    if topic != EVENTS:
         return False
     try:
-        return bool(Event.FromString(record[HEADER:]).name == "run")
+        name = Event.FromString(record[HEADER:]).name
     except Exception:  # not readable: compared as bytes
         return False
+    return bool(name == "run" or name in (unknown or ()))
 
 
 def _until(rows: NDArray[Any], last_tick: int | None) -> NDArray[Any]:
@@ -186,10 +294,18 @@ def _there(present: bool) -> str:
     return "present" if present else "missing"
 
 
+def _shown(topic: str, record: bytes) -> str:
+    """A message in words: an event's own, for others their size."""
+    if topic == EVENTS:
+        with contextlib.suppress(Exception):
+            return repr(printable(Event.FromString(record[HEADER:]).message, 80))
+    return f"a message of {len(record) - HEADER} bytes"
+
+
 def _compare_records(topic: str, a: Collection[bytes], b: Collection[bytes]) -> Difference | None:
     for x, y in zip(a, b, strict=False):
-        if x[11:] != y[11:]:  # the channel id may differ
-            return Difference(min(_tick(x), _tick(y)), topic, "", "a message", "another message")
+        if x[15:] != y[15:]:  # ids and numbers may differ
+            return Difference(min(_tick(x), _tick(y)), topic, "", _shown(topic, x), _shown(topic, y))
     if len(a) != len(b):
         longer = list(a if len(a) > len(b) else b)
         tick = _tick(longer[min(len(a), len(b))])

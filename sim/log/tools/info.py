@@ -6,10 +6,24 @@ from rich.table import Table
 from rich.text import Text
 
 from sim.log.read import Log
-from sim.log.read.frames import parsed
+from sim.log.read.frames import parsed, run_of
+from sim.log.tools.signed import is_signed
 from sim.log.tools.text import printable
 
-_ABOUT = ("scenario", "seed", "started", "versions", "git_revision", "git_dirty", "platform", "period_ns", "format")
+_ABOUT = (
+    "scenario",
+    "seed",
+    "started",
+    "versions",
+    "git_revision",
+    "git_dirty",
+    "platform",
+    "cpu",
+    "blas",
+    "kernels",
+    "period_ns",
+    "format",
+)
 _RESULT = ("outcome", "fall_reason", "message", "steps", "time_s", "step_time_s", "step_length_m")
 
 
@@ -34,8 +48,10 @@ def facts(log: Log) -> dict[str, Any]:
         "problems": [f"byte {at}: {text}" for at, text in log.problems],
         "duration_s": end,
         "run": {key: parsed(log.metadata.get("run", {}).get(key, "")) for key in _ABOUT},
-        "result": {key: parsed(text) for key, text in log.metadata.get("result", {}).items()},
+        "signed": is_signed(log),
+        "result": run_of(log).result,
         "channels": channels,
+        "foreign": log.foreign,
         "attachments": {name: len(data) for name, (_, data) in log.attachments.items()},
         "recovery": log.metadata.get("recovery"),
     }
@@ -57,6 +73,7 @@ def as_table(log: Log) -> list[Table]:
         row("damage", "; ".join(found["problems"]))
     row("finished", "yes" if log.complete else "no: the run was killed, or the file is cut off")
     row("duration", f"{found['duration_s']:.3f} s")
+    row("result", "signed" if found["signed"] else "unsigned" if found["result"] else "")
     for key in _ABOUT:
         row(key, found["run"][key])
     for key in _RESULT:
@@ -69,5 +86,6 @@ def as_table(log: Log) -> list[Table]:
         channels.add_column(name, justify=side)  # type: ignore[arg-type]
     for topic, one in found["channels"].items():
         rate = f"{one['rate_Hz']:.1f}" if one["rate_Hz"] else ""
-        channels.add_row(Text(printable(topic)), str(one["messages"]), rate, Text(printable(one["schema"])))
+        kind = printable(one["schema"]) + (" (foreign)" if topic in found["foreign"] else "")
+        channels.add_row(Text(printable(topic)), str(one["messages"]), rate, Text(kind))
     return [about, channels]

@@ -8,13 +8,13 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from sim.errors import UserError
-from sim.log.format.fields import CHANNELS
+from sim.log.format.topics import PER_TICK
 from sim.log.read import Log
-from sim.log.read.reader import log_of, read_bytes
-from sim.log.read.scan import scan
+from sim.log.read.reader import log_of, read_bytes, time_ns
+from sim.log.read.scan import Scan, scan
+from sim.log.tools.text import printable
 from sim.log.write.container import McapFile
 
-PER_TICK = frozenset(channel.topic for channel in CHANNELS)
 CHUNK = 200_000  # [B] of messages in a chunk
 
 
@@ -46,44 +46,49 @@ def recover(source: Path, target: Path) -> Recovery:
         UserError: the source is no MCAP file or holds no message, or the target exists or cannot be written.
     """
     data = read_bytes(source)
-    found = scan(data)
-    log = log_of(source, found)
+    walked = scan(data)
+    log = log_of(source, walked)
     known = {channel.id: channel for channel in log.channels.values()}
-    for channel in known.values():
-        schema = log.schemas.get(channel.schema_id)
-        if channel.message_encoding != "protobuf" or schema is None or schema.encoding != "protobuf":
-            raise UserError(f"{source}: channel {channel.topic} holds no protobuf messages: not a log of this program")
-    records = [record for channel_id in known for record in found.messages.get(channel_id, ())]
+    sound = {topic: _sound(log, topic) for topic in log.channels}
+    records = [record for kept in sound.values() for record in kept]
     if not records:
         raise UserError(f"{source}: no message can be saved")
-    lost = _lost(log, len(data), found.end, found.messages.keys() - known.keys())
-    with_time = sorted(enumerate(records), key=lambda pair: (_time_ns(pair[1]), pair[0]))
+    lost = _lost(log, walked, len(data), sound)
+    in_time = sorted(records, key=time_ns)
     file = McapFile(target)
     try:
-        for opcode, record in found.kept:
-            if opcode == Opcode.METADATA:
+        for opcode, record in walked.kept:
+            if opcode == Opcode.METADATA and not (lost and record.name == "recovery"):
                 file.metadata(record.name, record.metadata)
             elif opcode == Opcode.ATTACHMENT:
                 file.attachment(record.name, record.media_type, record.data)
         if lost:
-            file.metadata("recovery", {"lost": "; ".join(lost), "source": source.name})
-        ids = {
-            old: file.channel(
-                channel.topic,
-                log.schemas[channel.schema_id].name,
-                log.schemas[channel.schema_id].data,
-                channel.metadata,
-            )
-            for old, channel in known.items()
-        }
-        _write(file, [record for _, record in with_time], ids)
+            before = log.metadata.get("recovery", {}).get("lost")
+            losses = "; ".join([before, *lost] if before else lost)
+            file.metadata("recovery", {"lost": losses, "source": printable(source.name)})
+        ids = {old: file.copy(channel, log.schemas.get(channel.schema_id)) for old, channel in known.items()}
+        _write(file, in_time, ids)
     finally:
         file.finish()
-    return Recovery(log=log, messages=len(records), last_s=_time_ns(with_time[-1][1]) * 1e-9, lost=lost)
+    return Recovery(log=log, messages=len(records), last_s=time_ns(in_time[-1]) * 1e-9, lost=lost)
 
 
-def _time_ns(record: bytes) -> int:
-    return int.from_bytes(record[15:23], "little")
+def _sound(log: Log, topic: str) -> list[bytes]:
+    """Message records of a channel that match its schema; all of a foreign one, which nobody here can judge."""
+    records = log.records(topic)
+    if not log.is_own(topic):
+        return records
+    if log.has_layout(topic):
+        rows = log.channel(topic)
+        if not log.malformed[topic]:
+            return records
+        keys = set(zip(rows["_tick"].tolist(), rows["_time_ns"].tolist(), strict=True))
+        size = rows.dtype.itemsize
+        return [r for r in records if len(r) == size and (int.from_bytes(r[11:15], "little"), time_ns(r)) in keys]
+    try:
+        return [record for record, _ in log.decoded(topic)]
+    except UserError:  # no schema that can be read: kept as it is
+        return records
 
 
 def _write(file: McapFile, records: list[bytes], ids: dict[int, int]) -> None:
@@ -103,7 +108,7 @@ def _write(file: McapFile, records: list[bytes], ids: dict[int, int]) -> None:
 
     for record in records:
         channel_id = ids[int.from_bytes(record[9:11], "little")]
-        index.setdefault(channel_id, []).append((_time_ns(record), size))
+        index.setdefault(channel_id, []).append((time_ns(record), size))
         parts.append(record[:9] + channel_id.to_bytes(2, "little") + record[11:])
         size += len(record)
         if size >= CHUNK:
@@ -111,12 +116,19 @@ def _write(file: McapFile, records: list[bytes], ids: dict[int, int]) -> None:
     flush()
 
 
-def _lost(log: Log, size: int, end: int, unknown: set[int]) -> tuple[str, ...]:
-    lost = [f"at byte {at}: {text}" for at, text in log.problems]
+def _lost(log: Log, walked: Scan, size: int, sound: dict[str, list[bytes]]) -> tuple[str, ...]:
+    """What is missing or may be: damage of the summary, which only repeats the data, costs nothing."""
+    lost = [f"at byte {at}: {text}" for at, text in walked.problems]
+    known = {channel.id for channel in log.channels.values()}
+    unknown = {channel_id for channel_id, records in log.unread.items() if records and channel_id not in known}
     if unknown:
         lost.append(f"messages of {len(unknown)} channels whose description is gone")
-    if not log.complete and not log.problems:
-        lost.append(f"the file stops in the middle: {size - end} of its {size} bytes belong to nothing whole")
+    for topic, records in sound.items():
+        missing = len(log.records(topic)) - len(records)
+        if missing:
+            lost.append(f"{missing} messages of {topic} that do not match its schema")
+    if not walked.ended and not walked.problems:
+        lost.append(f"the file stops in the middle: {size - walked.end} of its {size} bytes belong to nothing whole")
     if "result" not in log.metadata:
         lost.append("the result of the run, which is written at its end")
     for topic, first, last in gaps(log):
@@ -125,13 +137,13 @@ def _lost(log: Log, size: int, end: int, unknown: set[int]) -> tuple[str, ...]:
 
 
 def gaps(log: Log) -> list[tuple[str, int, int]]:
-    """Ticks missing in between: (topic, first, last) of each gap of each per-tick channel."""
-    found = []
-    for topic in log.channels:
+    """Ticks missing in between: (topic, first, last) of each gap of each per-tick channel, 20 a channel at most."""
+    lacking = []
+    for topic in log.own:
         if topic not in PER_TICK or not log.has_layout(topic):
             continue
-        ticks = log.channel(topic)["_tick"].astype(np.int64)
+        ticks = np.unique(log.channel(topic)["_tick"].astype(np.int64))
         before = np.concatenate(((-1,), ticks))
         for i in np.flatnonzero(np.diff(before) > 1)[:20]:
-            found.append((topic, int(before[i]) + 1, int(before[i + 1]) - 1))
-    return found
+            lacking.append((topic, int(before[i]) + 1, int(before[i + 1]) - 1))
+    return lacking

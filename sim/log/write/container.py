@@ -6,10 +6,12 @@ disk's side of the process before the next begins, and a record that cannot be w
 so that what is there can always be read.
 """
 
+import json
 import os
 import struct
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from sim.errors import UserError
+from sim.log.format import seal
 
 
 class McapFile:
@@ -58,12 +61,15 @@ class McapFile:
         self._size = 0
         self._crc = 0
         self._finished = False
-        self._schemas: dict[str, Schema] = {}
+        self._schemas: dict[tuple[str, str, bytes], Schema] = {}
         self._channels: list[Channel] = []
         self._counts: dict[int, int] = {}
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
+        self._said: dict[str, dict[str, str]] = {}
+        self._attached: dict[str, tuple[str, bytes]] = {}
+        self._seals: dict[int, seal.Seal] = {}
         self._compressor = zstandard.ZstdCompressor(level=1)
         try:
             self._write(MCAP0_MAGIC)
@@ -76,6 +82,7 @@ class McapFile:
         """Add an attachment, times zero."""
         record = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
         offset, length = self._record(record)
+        self._attached[name] = (media_type, data)
         self._attachments.append(
             AttachmentIndex(
                 offset=offset,
@@ -90,7 +97,8 @@ class McapFile:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record."""
-        offset, length = self._record(Metadata(name=name, metadata=dict(values)))
+        self._said[name] = dict(values)
+        offset, length = self._record(Metadata(name=name, metadata=self._said[name]))
         self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
 
     def channel(self, topic: str, schema_name: str, schema: bytes, metadata: Mapping[str, str]) -> int:
@@ -105,16 +113,37 @@ class McapFile:
         Returns:
             Its channel id.
         """
-        if schema_name not in self._schemas:
-            entry = Schema(id=len(self._schemas) + 1, data=schema, encoding="protobuf", name=schema_name)
-            self._record(entry)
-            self._schemas[schema_name] = entry
+        entry = self._schema(Schema(id=0, data=schema, encoding="protobuf", name=schema_name))
+        return self._channel(topic, "protobuf", metadata, entry.id)
+
+    def copy(self, channel: Channel, schema: Schema | None) -> int:
+        """Register a channel of another file, of whatever encoding.
+
+        Args:
+            channel: It.
+            schema: Its schema; None where it has none.
+
+        Returns:
+            Its channel id in this file.
+        """
+        schema_id = self._schema(schema).id if schema is not None else 0
+        return self._channel(channel.topic, channel.message_encoding, channel.metadata, schema_id)
+
+    def _schema(self, schema: Schema) -> Schema:
+        """The record of a schema, written when it comes first."""
+        key = (schema.name, schema.encoding, schema.data)
+        if key not in self._schemas:
+            self._schemas[key] = replace(schema, id=len(self._schemas) + 1)
+            self._record(self._schemas[key])
+        return self._schemas[key]
+
+    def _channel(self, topic: str, encoding: str, metadata: Mapping[str, str], schema_id: int) -> int:
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
-            message_encoding="protobuf",
+            message_encoding=encoding,
             metadata=dict(metadata),
-            schema_id=self._schemas[schema_name].id,
+            schema_id=schema_id,
         )
         self._record(channel)
         self._channels.append(channel)
@@ -160,8 +189,19 @@ class McapFile:
         )
         self._write(builder.end())
         self._chunks.append(record)
+        everything = np.frombuffer(data, np.uint8)
         for channel_id, entries in index.items():
             self._counts[channel_id] = self._counts.get(channel_id, 0) + len(entries)
+            self._seals.setdefault(channel_id, seal.Seal()).add_block(everything, entries)
+
+    def signed(self, result: Mapping[str, str]) -> dict[str, str]:
+        """A result with its signature over everything written so far."""
+        names = {schema.id: schema for schema in self._schemas.values()}
+        channels = {c.topic: (names[c.schema_id].name, names[c.schema_id].data, c.metadata) for c in self._channels}
+        about = seal.about(self._said.get("run", {}), self._attached, channels)
+        seals = {c.topic: self._seals.get(c.id, seal.Seal()) for c in self._channels}
+        messages = {topic: (one.count, one.digest()) for topic, one in seals.items()}
+        return {**result, seal.KEY: json.dumps(seal.signature(result, messages, about))}
 
     @property
     def finished(self) -> bool:

@@ -6,9 +6,7 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 
 from sim.log.format.fields import LINKS
-
-FORMAT = "1"
-"""Version of topics, fields and metadata."""
+from sim.log.format.topics import FORMAT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,6 +22,7 @@ class RunHeader:
         git_dirty: Whether tracked files differed from it, None outside a checkout.
         platform: Operating system, machine and Python.
         started: Wall time of the start, ISO 8601.
+        machine: What may change the last bits: "cpu", "blas", "kernels".
         link_lengths: Length of each link in [m], keyed as `LINKS`.
         ground: Line of the ground through (x, z) in [m], x growing; where it jumps, two points share x.
         attachments: File name -> (media type, content), such as the MJCF, the URDF and the gait.
@@ -37,6 +36,7 @@ class RunHeader:
     git_dirty: bool | None
     platform: str
     started: str
+    machine: Mapping[str, str] = field(default_factory=dict)
     link_lengths: Mapping[str, float]
     ground: Sequence[tuple[float, float]] = ((-10.0, 0.0), (100.0, 0.0))
     attachments: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class RunHeader:
             period_ns: Control period in [ns].
         """
         return {
-            "format": FORMAT,
+            "format": str(FORMAT),
             "scenario": self.scenario_name,
             "seed": str(self.seed),
             "period_ns": str(period_ns),
@@ -67,6 +67,7 @@ class RunHeader:
             "git_revision": self.git_revision or "",
             "git_dirty": "" if self.git_dirty is None else json.dumps(self.git_dirty),
             "platform": self.platform,
+            **self.machine,
             "started": self.started,
             "link_lengths": json.dumps(dict(self.link_lengths), sort_keys=True),
             "ground": json.dumps(self.ground),

@@ -144,11 +144,12 @@ class Recorder:
         """Log how the run ended, as the metadata record "result".
 
         Args:
-            summary: The figures of the run; texts as they are, all else as JSON.
+            summary: The figures of the run; texts as they are, all else as JSON; signed.
         """
         self._flush()
         figures = dataclasses.asdict(summary).items()
-        self._file.metadata("result", {k: v if isinstance(v, str) else json.dumps(v) for k, v in figures})
+        texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in figures}
+        self._file.metadata("result", self._file.signed(texts))
 
     def close(self) -> None:
         """Write what is staged and finish the file; a second call does nothing.
