@@ -107,7 +107,7 @@ BAD_URDF = {
     "grams": ('mass value="12"', 'mass value="12000"', ["12000 kg", "grams", "legal"]),
     "millimetres": ('origin xyz="0 0 0.4"', 'origin xyz="0 0 400"', ["400 m", "millimetres"]),
     "inertia": ('iyy="1.33"', 'iyy="1330"', ["radius of gyration", "legal"]),
-    "another topology": ("right_knee", "right_ankle", ["right_ankle", "five-link", "legal"]),
+    "another topology": ('tip" type="fixed"', 'ankle" type="continuous"', ["left_ankle", "five links", "legal"]),
 }
 
 

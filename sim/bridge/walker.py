@@ -1,4 +1,4 @@
-"""The composition root of `cmpc walker`: a folder from a URDF, and its check from the files to the walk."""
+"""The check of a walker, from its files to its walk."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -7,19 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from controller.belief import WalkerModel, load_gait
-from controller.belief.model import Link
 from controller.design.check import check, requirements_of
+from sim.bridge.convert import STATES as CONVERSION_STATES
+from sim.bridge.convert import complaint_of, proof_of
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
+from sim.interface import Vector
 from sim.loop import Outcome
 from sim.plant.mechanics import Mechanics
-from sim.scenario import Scenario, with_values
+from sim.scenario import PlantSettings, Scenario, with_values
 from sim.walkers import WalkerFolder
-from sim.walkers import new as walker_files
 
-MASS = (0.05, 200.0)  # [kg] of a link
-LENGTH = (0.05, 3.0)  # [m]
-GYRATION = 2.0  # largest radius of gyration by the link's length; reflected rotors make 1.35 of rabbit-tac's tibia
 STATES = 50
 AGREEMENT = 1e-6  # relative
 STEPS = 30
@@ -38,27 +36,6 @@ class Stage:
     name: str
     found: str
     holds: bool
-
-
-def new_walker(folder: Path, urdf: Path) -> WalkerModel:
-    """Make a walker's folder from its URDF.
-
-    Raises:
-        UserError: the URDF is of another topology or implausible, or the folder can not be made.
-    """
-    model = WalkerModel(urdf)
-    for stage in _plausible(model):
-        if not stage.holds:
-            raise UserError(f"{urdf}: {stage.name}: {stage.found}")
-    numbers = {
-        f"{name}_{key}": getattr(link, key)
-        for name, link in (("torso", model.torso), ("femur", model.femur), ("tibia", model.tibia))
-        for key in ("mass", "length", "com", "inertia")
-    }
-    numbers |= {"hip_torque": model.torque_limits[0], "knee_torque": model.torque_limits[2]}
-    numbers |= {"hip_damping": model.damping[0], "knee_damping": model.damping[2]}
-    walker_files.create(folder, urdf, numbers)
-    return model
 
 
 def check_walker(walker: str, *, steps: int = STEPS, say: Callable[[Stage], None]) -> bool:
@@ -84,6 +61,7 @@ def _stages(folder: WalkerFolder, steps: int) -> Iterator[Stage]:
     model = WalkerModel(folder.urdf)
     yield Stage(name="topology", found="five links, four hinges about (0, -1, 0), equal legs, point feet", holds=True)
     yield from _plausible(model)
+    yield from _conversion(folder, model)
     yield from _agreement(folder, model)
     gaits = sorted(folder.gaits.glob("*.toml"))
     if not gaits:
@@ -94,29 +72,10 @@ def _stages(folder: WalkerFolder, steps: int) -> Iterator[Stage]:
 
 def _plausible(model: WalkerModel) -> Iterator[Stage]:
     for name, link in (("torso", model.torso), ("femur", model.femur), ("tibia", model.tibia)):
-        complaint = _complaint(link)
+        complaint = complaint_of(link)
         found = f"{link.mass:g} kg, {link.inertia:g} kg m^2, centre of mass at {link.com:g} m"
         found += f", {link.length:g} m long" if link.length else ""
         yield Stage(name=f"{name} plausible", found=complaint or found, holds=not complaint)
-
-
-def _complaint(link: Link) -> str:
-    if not MASS[0] <= link.mass <= MASS[1]:
-        unit = "; is that in grams?" if link.mass > MASS[1] else ""
-        return f"mass = {link.mass:g} kg; legal: {MASS[0]:g} to {MASS[1]:g} kg{unit}"
-    for what, value in (("length", link.length), ("centre of mass", link.com)):
-        if value and not value <= LENGTH[1]:
-            return f"{what} = {value:g} m; legal: up to {LENGTH[1]:g} m; is that in millimetres?"
-    if link.length and link.length < LENGTH[0]:
-        return f"length = {link.length:g} m; legal: {LENGTH[0]:g} m or more"
-    size = link.length or 2.0 * link.com
-    gyration = float(np.sqrt(link.inertia / link.mass))
-    if gyration > GYRATION * size:
-        return (
-            f"inertia = {link.inertia:g} kg m^2: a radius of gyration of {gyration:.3g} m in a link of {size:.3g} m; "
-            f"legal: up to {GYRATION:g} times the link"
-        )
-    return ""
 
 
 def _agreement(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
@@ -140,14 +99,84 @@ def _agreement(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
             found=f"within {value:.1e} of it at {STATES} states (legal: {AGREEMENT:g})",
             holds=value <= AGREEMENT,
         )
-    for name, mine, its, unit in (
-        ("torque limits", model.torque_limits, plant.torque_limits, "N.m"),
-        ("damping", model.damping, plant.damping, "N.m.s/rad"),
+    if any(value > AGREEMENT for value in worst.values()):
+        yield Stage(name="first cause of it", found=_first_cause(model, plant), holds=False)
+    yield from _joints(model, plant)
+
+
+def _joints(model: WalkerModel, plant: Mechanics) -> Iterator[Stage]:
+    """What acts in the joints, one line each; the order is that of what changes a walk most."""
+    mine, its = model.joints, plant.joints
+    for name, belief, truth, unit in (
+        ("torque limits", model.torque_limits, its.torque_limits, "N.m"),
+        ("gears", np.ones(4), its.gear, ""),
+        ("rotor inertia (armature)", mine.rotor, its.rotor, "kg m^2"),
+        ("dry friction (frictionloss)", mine.friction, its.friction, "N.m"),
+        ("damping", mine.damping, its.damping, "N.m.s/rad"),
+        ("springs (stiffness)", mine.stiffness, its.stiffness, "N.m/rad"),
+        ("slack angles of springs", mine.rest * (mine.stiffness > 0), its.rest * (its.stiffness > 0), "rad"),
+        ("lower stops (range)", model.low, its.low, "rad"),
+        ("upper stops (range)", model.high, its.high, "rad"),
     ):
+        hips, knees = (f"{_pair(belief[k : k + 2])} and {_pair(truth[k : k + 2])}" for k in (0, 2))
         yield Stage(
             name=f"MJCF and URDF agree: {name}",
-            found=f"hips {mine[0]:g} and {its[0]:g}, knees {mine[2]:g} and {its[2]:g} {unit}",
-            holds=bool(np.allclose(mine, its, rtol=AGREEMENT)),
+            found=f"hips {hips}, knees {knees} {unit}".rstrip(),
+            holds=bool(np.allclose(belief, truth, rtol=AGREEMENT, atol=AGREEMENT)),
+        )
+    usual = PlantSettings().timestep
+    yield Stage(
+        name="MJCF's timestep",
+        found=f"{plant.timestep:g} s; runs take plant.timestep = {usual:g} s",
+        holds=bool(np.isclose(plant.timestep, usual)),
+    )
+    if plant.base:
+        words = ", ".join(f"{what} {value:g}" for what, value in plant.base.items())
+        yield Stage(name="MJCF's base is free", found=words, holds=False)
+
+
+def _pair(values: Vector) -> str:
+    """One number where left and right agree."""
+    return f"{values[0]:g}" if values[0] == values[1] else f"{values[0]:g}/{values[1]:g}"
+
+
+def _first_cause(model: WalkerModel, plant: Mechanics) -> str:
+    """The first number in which MJCF and URDF differ, from the torso down."""
+    for name, link in plant.links.items():
+        mine = {"torso": model.torso, "femur": model.femur, "tibia": model.tibia}[name.rpartition("_")[2]]
+        below = (0.0, model.femur.length) if name.endswith("tibia") else (0.0, 0.0)
+        for what, belief, truth, unit in (
+            ("mass", mine.mass, link.mass, "kg"),
+            ("centre of mass along", mine.com, link.com, "m"),
+            ("centre of mass across", mine.com_across, link.com_across, "m"),
+            ("inertia", mine.inertia, link.inertia, "kg m^2"),
+            ("joint's x", below[0], link.joint[0], "m"),
+            ("joint's z", below[1], link.joint[1], "m"),
+        ):
+            if abs(belief - truth) > AGREEMENT * max(abs(belief), abs(truth)) + 1e-12:
+                return f"{name}: {what} {belief:g} {unit} in the URDF, {truth:g} {unit} in the MJCF"
+    if not np.allclose(model.joints.rotor, plant.joints.rotor, rtol=AGREEMENT):
+        rotors = ", ".join(f"{x:g}" for x in plant.joints.rotor)
+        return f"rotor inertia (armature) {rotors} kg m^2 in the MJCF, {model.joints.rotor.tolist()} in the URDF"
+    return "an axis, a frame's rotation or a foot's place"
+
+
+def _conversion(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
+    """The made walker against the file as published, where there is one."""
+    name = "as published"
+    try:
+        found = proof_of(folder.urdf.parent, model)
+    except UserError as error:
+        yield Stage(name=name, found=str(error), holds=False)
+        return
+    if found is None:
+        return
+    worst, legal = found
+    for what, value in worst.items():
+        yield Stage(
+            name=f"{name}: {what}",
+            found=f"within {value:.1e} of it at {CONVERSION_STATES} states (legal: {legal:.1e})",
+            holds=value <= legal,
         )
 
 

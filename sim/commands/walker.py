@@ -1,13 +1,18 @@
 """`cmpc walker`: a folder for a walker of one's own, and its check from the files to the walk."""
 
 import json
+import math
+import os
 import sys
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+from rich.markup import escape
 
 from sim.commands.options import add_json
+from sim.errors import UserError
 from sim.settings import flags
 
 EPILOG = "exit code: 0, 1 for a walker that fails its check, 2 for bad input"
@@ -18,11 +23,20 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser = commands.add_parser("walker", description="A walker of one's own.", epilog=EPILOG)
     actions = parser.add_subparsers(metavar="COMMAND")
 
-    text = "make a folder: the URDF, an MJCF that agrees with it, gaits/"
-    new = actions.add_parser("new", help=text, description="Make a walker's folder from its URDF.")
+    text = "make a folder of a robot's file as published: URDF, MJCF, gaits/"
+    new = actions.add_parser("new", help=text, description="Make a walker's folder from a robot's file as published.")
     new.set_defaults(run=_new)
     new.add_argument("folder", metavar="FOLDER", help="to be made; its name is the walker's")
-    new.add_argument("--urdf", required=True, metavar="FILE.urdf", help="five links, conventions of models/rabbit")
+    files = new.add_mutually_exclusive_group(required=True)
+    for kind, ending in (("urdf", "urdf"), ("mjcf", "xml"), ("xacro", "xacro")):
+        files.add_argument(f"--{kind}", metavar=f"FILE.{ending}", help="a torso and two legs of a hip and a knee")
+    text = "which link is the torso, which joints left_hip, left_knee, right_hip, right_knee; where names do not tell"
+    new.add_argument("--map", action="append", default=[], metavar="PART=NAME", help=text)
+    text = "torque limits in N.m, where the file has none or others"
+    new.add_argument("--torque", nargs=2, type=_above_zero, metavar=("HIP", "KNEE"), help=text)
+    text = "from knee to foot, where the file does not tell or tells another"
+    new.add_argument("--tibia-length", type=_above_zero, metavar="M", help=text)
+    new.add_argument("--even-legs", action="store_true", help="make legs that differ by up to 5 % equal")
 
     text = "topology, inertias, agreement of the models, gaits, walks"
     check = actions.add_parser("check", help=text, description="Check a walker from its files to its walk.")
@@ -33,18 +47,62 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     add_json(check)
 
 
-def _new(found: Namespace) -> int:
-    from sim.bridge.walker import new_walker
+def _above_zero(text: str) -> float:
+    """A finite number above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        raise ArgumentTypeError(f"{text!r}: must be a number above 0")
+    return value
 
+
+def _new(found: Namespace) -> int:
+    from sim.bridge.convert import Given, new_walker
+
+    names = {}
+    for item in found.map:
+        part, equals, name = item.partition("=")
+        if not (equals and part and name):
+            raise UserError(f"--map {item}: legal: PART=NAME, such as torso=base_link")
+        names[part] = name
+    given = Given(
+        torque=tuple(found.torque) if found.torque else None,
+        even_legs=found.even_legs,
+        tibia_length=found.tibia_length,
+        names=names,
+    )
+    kinds: tuple[Literal["urdf", "mjcf", "xacro"], ...] = ("urdf", "mjcf", "xacro")
+    kind, file = next((kind, getattr(found, kind)) for kind in kinds if getattr(found, kind))
     folder = Path(found.folder)
-    model = new_walker(folder, Path(found.urdf))
-    where = found.folder if "/" in found.folder else f"./{found.folder}"
+    model, apart = new_walker(folder, Path(file), kind, given, show=_show)
+    where = found.folder if "/" in found.folder or os.sep in found.folder else f"./{found.folder}"
     print(
         f"{folder}: {folder.name}.urdf, {folder.name}.xml, README.md, gaits/; {model.lumped.mass:g} kg, "
-        f"legs of {model.leg_length:g} m\nnext: cmpc gait design --walker {where} --step-length "
+        f"legs of {model.leg_length:g} m; within {max(apart.values()):.1e} of the file\n"
+        f"next: cmpc gait design --walker {where} --step-length "
         f"{0.5 * model.leg_length:.2g} --speed {model.leg_length:.2g}\nthen: cmpc walker check {where}"
     )
     return 0
+
+
+def _show(rows: Sequence[Any]) -> None:
+    """Print the table of a conversion."""
+    if not rows:
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table()
+    for column in ("part", "found", "made of it", ""):
+        table.add_column(column, overflow="fold")
+    for row in sorted(rows, key=lambda row: row.stops):
+        table.add_row(
+            *(escape(cell) for cell in (row.part, row.found, row.made)),
+            row.verdict.upper() if row.stops else row.verdict,
+        )
+    Console(highlight=False, width=None if sys.stdout.isatty() else 170).print(table)
 
 
 def _check(found: Namespace) -> int:

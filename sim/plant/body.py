@@ -26,7 +26,7 @@ from sim.interface import (
     Rows,
     Vector,
 )
-from sim.plant.build import build_spec
+from sim.plant.build import build_spec, compile_spec
 from sim.plant.kinematics import LegGeometry
 from sim.plant.rows import FORCE
 from sim.plant.terrain import Terrain
@@ -89,7 +89,7 @@ class Body(ABC):
         self.sources = (Path(model_path),)
         self.terrain = Terrain(settings.ground, seed=seed, length=walk_length)
         self._spec = build_spec(settings, Path(model_path), self.terrain)
-        self.model = model = self._spec.compile()
+        self.model = model = compile_spec(self._spec, Path(model_path))
         self.data = mujoco.MjData(model)
         self.legs = LegGeometry.of(model)
         self._body_ids = [model.body(name).id for name in LINKS]

@@ -12,6 +12,13 @@ from sim.interface import FEET, JOINTS, LEGS, LINKS
 from sim.plant.terrain import Terrain
 from sim.scenario import PlantSettings
 
+BASE = ("hip_x", "hip_z", "torso")
+"""Joints of the planar base."""
+
+_SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+
+_CONTACT = mujoco.mjtSensor.mjSENS_CONTACT
+
 INTEGRATORS = {
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
     "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
@@ -38,12 +45,7 @@ def build_spec(settings: PlantSettings, model_path: Path, terrain: Terrain | Non
     Raises:
         UserError: the file is missing or unreadable, lacks a part of the walker, or a setting is not legal.
     """
-    if not model_path.is_file():
-        raise UserError(f"model file {model_path}: does not exist")
-    try:
-        spec = mujoco.MjSpec.from_file(str(model_path))
-    except ValueError as error:
-        raise UserError(f"model file {model_path}: {str(error).splitlines()[0]}") from error
+    spec = read_spec(model_path)
     if settings.integrator not in INTEGRATORS:
         legal = ", ".join(INTEGRATORS)
         raise UserError(f'plant.integrator = "{settings.integrator}": must be one of {legal}')
@@ -65,6 +67,64 @@ def build_spec(settings: PlantSettings, model_path: Path, terrain: Terrain | Non
     _set_links(settings, part)
     _set_joints(settings, part)
     return spec
+
+
+def read_spec(model_path: Path) -> mujoco.MjSpec:
+    """An MJCF as it is.
+
+    Raises:
+        UserError: missing, not an MJCF, or a link has no mass of its own.
+    """
+    if not model_path.is_file():
+        raise UserError(f"model file {model_path}: does not exist")
+    try:
+        spec = mujoco.MjSpec.from_file(str(model_path))
+    except ValueError as error:
+        raise UserError(f"model file {model_path}: {_in_one_line(error)}") from error
+    for name in LINKS:
+        body = spec.body(name)
+        if body is not None and not (body.explicitinertial and body.mass > 0.0):
+            raise UserError(
+                f"model file {model_path}: body {name} has no mass; legal: an <inertial> with a mass above 0"
+            )
+    return spec
+
+
+def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
+    """MuJoCo's model of a walker, its parts where they belong.
+
+    Raises:
+        UserError: MuJoCo can not compile it, or a part is missing or not what its name says.
+    """
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise UserError(f"model file {model_path}: {_in_one_line(error)}") from error
+    slides, hinges = BASE[:2], (BASE[2], *JOINTS)
+    for kind, names, words in ((_SLIDE, slides, "a slide"), (_HINGE, hinges, "a hinge")):
+        for name in names:
+            if model.joint(name).type[0] != kind:
+                raise UserError(f"model file {model_path}: joint {name} is none; legal: {words}")
+    if model.nv != len(BASE) + len(JOINTS):
+        legal = ", ".join((*BASE, *JOINTS))
+        raise UserError(f"model file {model_path}: {model.nv} degrees of freedom; legal: the joints {legal}")
+    for name in JOINTS:
+        if model.actuator(name).trnid[0] != model.joint(name).id:
+            raise UserError(
+                f"model file {model_path}: actuator {name} does not drive joint {name}; legal: a motor on it"
+            )
+    for name, size in (*((foot, 13) for foot in FEET), ("torso", 1), ("left_femur", 1), ("right_femur", 1)):
+        sensor = next((i for i in range(model.nsensor) if model.sensor(i).name == name), None)
+        if sensor is None or model.sensor_type[sensor] != _CONTACT or model.sensor_dim[sensor] < size:
+            legal = "found force pos normal tangent" if size > 1 else "found"
+            raise UserError(f'model file {model_path}: no contact sensor "{name}" of these data; legal: {legal}')
+    return model
+
+
+def _in_one_line(error: Exception) -> str:
+    """What MuJoCo complains about."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return "; ".join(lines[:2]) if lines else "unreadable"
 
 
 def _set_contact(settings: PlantSettings, part: Part) -> None:
@@ -160,12 +220,19 @@ def _stretch_geom(geom: "mujoco.MjsElement", factor: float) -> None:
 
 
 def _set_joints(settings: PlantSettings, part: Part) -> None:
-    """Damping, friction and reflected inertia of every actuated joint; limits of its motor."""
+    """Damping, friction, rotor inertia, spring and stops of every actuated joint; limits of its motor."""
+    for name in BASE:
+        part("joint", name)
     for name in JOINTS:
         joint, actuator = part("joint", name), part("actuator", name)
         joint.damping = joint.damping * getattr(settings.damping_factor, name)
+        joint.frictionloss *= getattr(settings.joint_friction_factor, name)
         joint.frictionloss += getattr(settings.joint_friction, name)
+        joint.armature *= getattr(settings.armature_factor, name)
         joint.armature += getattr(settings.armature, name)
+        joint.stiffness = joint.stiffness * getattr(settings.stiffness_factor, name)
+        if not settings.joint_limits:
+            joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
         factor = getattr(settings.torque_limit_factor, name)
         actuator.forcerange = actuator.forcerange * factor
         actuator.ctrlrange = actuator.ctrlrange * factor

@@ -6,8 +6,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.interface import COORDINATES, JOINTS, Vector
-from sim.plant.build import build_spec
+from sim.interface import COORDINATES, JOINTS, LINKS, Vector
+from sim.plant.build import build_spec, compile_spec, read_spec
 from sim.scenario import PlantSettings
 
 
@@ -26,11 +26,58 @@ class PlantMechanics:
     feet: Vector
 
 
+FREE = 6.28
+"""[rad] A bound this far from the zero pose stops nothing."""
+
 ORDER = ("hip_x", "hip_z", "torso", "left_hip", "left_knee", "right_hip", "right_knee")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlantJoints:
+    """What acts in the plant's joints, in the order of `JOINTS`, (4,) each.
+
+    Attributes:
+        damping: In [N.m.s/rad].
+        rotor: Rotor inertia in [kg m^2].
+        friction: Dry friction in [N.m].
+        stiffness: Of springs in [N.m/rad].
+        rest: Where they are slack in [rad].
+        low, high: Stops in [rad]; infinite where there is none.
+        gear: Of the motors.
+        torque_limits: Of the motors in [N.m].
+    """
+
+    damping: Vector
+    rotor: Vector
+    friction: Vector
+    stiffness: Vector
+    rest: Vector
+    low: Vector
+    high: Vector
+    gear: Vector
+    torque_limits: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantLink:
+    """A link of the plant: mass in [kg], centre of mass along and across in [m], inertia in [kg m^2], joint in [m]."""
+
+    mass: float
+    com: float
+    com_across: float
+    inertia: float
+    joint: tuple[float, float]
+
+
 class Mechanics:
-    """A compiled MJCF without its contact."""
+    """A compiled MJCF without its contact.
+
+    Attributes:
+        joints: What acts in its joints.
+        links: Its links by their name.
+        timestep: Of the file itself in [s].
+        base: Damping, friction, rotor inertia and stiffness of the base's joints, those that are not zero.
+    """
 
     def __init__(self, mjcf: Path) -> None:
         """Args: mjcf: the plant's model.
@@ -38,16 +85,55 @@ class Mechanics:
         Raises:
             UserError: unreadable, or a part of the walker is missing.
         """
+        self.timestep = float(read_spec(mjcf).option.timestep)
         spec = build_spec(PlantSettings(), mjcf)
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        self._model = spec.compile()
-        self._data = mujoco.MjData(self._model)
+        self._model = model = compile_spec(spec, mjcf)
+        self._data = mujoco.MjData(model)
         assert set(COORDINATES) < set(ORDER)
-        self._address = np.array([self._model.jnt_dofadr[self._model.joint(name).id] for name in ORDER])
-        motors = [self._model.actuator(name).id for name in JOINTS]
-        self.torque_limits: Vector = self._model.actuator_forcerange[motors, 1].copy()
-        joints = [self._model.jnt_dofadr[self._model.joint(name).id] for name in JOINTS]
-        self.damping: Vector = np.asarray(self._model.dof_damping, dtype=float).reshape(-1)[joints]
+        self._address = np.array([model.jnt_dofadr[model.joint(name).id] for name in ORDER])
+        motors = [model.actuator(name).id for name in JOINTS]
+        joints = np.array([model.joint(name).id for name in JOINTS])
+        dofs, addresses = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
+        limited = model.jnt_limited[joints].astype(bool)
+        low, high = np.where(limited[:, None], model.jnt_range[joints], [-np.inf, np.inf]).T
+        self.joints = PlantJoints(
+            damping=model.dof_damping[dofs].copy(),
+            rotor=model.dof_armature[dofs].copy(),
+            friction=model.dof_frictionloss[dofs].copy(),
+            stiffness=model.jnt_stiffness[joints].copy(),
+            rest=model.qpos_spring[addresses].copy(),
+            low=np.where(low > -FREE, low, -np.inf),
+            high=np.where(high < FREE, high, np.inf),
+            gear=model.actuator_gear[motors, 0].copy(),
+            torque_limits=np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)[motors],
+        )
+        self.links = {name: self._link(name) for name in LINKS}
+        base = [model.joint(name).id for name in ORDER[:3]]
+        self.base = {
+            f"{what} of {model.joint(j).name}": float(value)
+            for j in base
+            for what, value in (
+                ("damping", model.dof_damping[model.jnt_dofadr[j]]),
+                ("frictionloss", model.dof_frictionloss[model.jnt_dofadr[j]]),
+                ("armature", model.dof_armature[model.jnt_dofadr[j]]),
+                ("stiffness", model.jnt_stiffness[j]),
+            )
+            if value
+        }
+
+    def _link(self, name: str) -> PlantLink:
+        model, body = self._model, self._model.body(name).id
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+        across = turn.reshape(3, 3)[1]
+        return PlantLink(
+            mass=float(model.body_mass[body]),
+            com=float(model.body_ipos[body, 2]),
+            com_across=float(model.body_ipos[body, 0]),
+            inertia=float(across**2 @ model.body_inertia[body]),
+            joint=(float(model.body_pos[body, 0]), float(model.body_pos[body, 2])),
+        )
 
     def at(self, q: Vector, dq: Vector) -> PlantMechanics:
         """Mass matrix, bias and feet at a state in the order of `ORDER`, (7,) each."""

@@ -9,12 +9,13 @@ above the floor's friction is not prevented, but stands in the log.
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.errors import PlantDiverged, UserError
-from sim.interface import LEGS, Rows, Vector
+from sim.interface import JOINTS, LEGS, Rows, Vector
 from sim.plant import rigid_kernels as kernels
 from sim.plant.body import DETECTED_LINKS, Body, check_start, no_torque
 from sim.plant.rigid_walker import PinnedWalker
@@ -48,6 +49,21 @@ class Impact:
     dq_after: Vector
     impulse: Vector
     old_foot: Vector
+
+
+def refuse_resistance(model: mujoco.MjModel, path: Path) -> None:
+    """Raises `UserError` where the joints have what the rigid plant has not."""
+    joints = [model.joint(name).id for name in JOINTS]
+    dofs = model.jnt_dofadr[joints]
+    for what, values, switch in (
+        ("dry friction", model.dof_frictionloss[dofs], "plant.joint_friction_factor.* = 0"),
+        ("springs", model.jnt_stiffness[joints], "plant.stiffness_factor.* = 0"),
+        ("joint stops", model.jnt_limited[joints], "plant.joint_limits = false"),
+    ):
+        if values.any():
+            raise UserError(
+                f'model file {path}: the rigid plant has no {what}; legal: {switch}, or plant.kind = "mujoco"'
+            )
 
 
 class RigidPlant(Body):
@@ -84,6 +100,7 @@ class RigidPlant(Body):
         if settings.joint_friction != JointTorques():
             raise UserError('plant.joint_friction: the rigid plant has none; must be 0, or plant.kind = "mujoco"')
         super().__init__(settings, model_path, control_period, seed=seed, walk_length=walk_length)
+        refuse_resistance(self.model, Path(model_path))
         self._walker = PinnedWalker(self.model, self.data, self.legs, self._forces)
         work = self._work = self._walker.work
         sizes = [self.model.geom(name).size for name in DETECTED_LINKS]

@@ -144,8 +144,12 @@ class PlantSettings:
             torso held upright, backward for a leg that hangs down.
         length_factor: Factors on the lengths of femurs and tibias; centres of mass stay where they are.
         damping_factor: Factors on joint damping.
-        joint_friction: Coulomb friction in the joints.
-        armature: Rotor inertia reflected to the joints.
+        joint_friction: Coulomb friction in the joints, added to the model's own.
+        joint_friction_factor: Factors on the model's own friction in the joints.
+        armature: Rotor inertia reflected to the joints, added to the model's own.
+        armature_factor: Factors on the model's own rotor inertia.
+        stiffness_factor: Factors on the stiffness of the model's springs in the joints.
+        joint_limits: Whether the model's joint stops stop.
         torque_limit_factor: Factors on the motors' torque limits.
     """
 
@@ -164,7 +168,11 @@ class PlantSettings:
     length_factor: LimbFactors = dataclasses.field(default_factory=LimbFactors)
     damping_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
     joint_friction: JointTorques = dataclasses.field(default_factory=JointTorques)
+    joint_friction_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
     armature: JointInertias = dataclasses.field(default_factory=JointInertias)
+    armature_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
+    stiffness_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
+    joint_limits: bool = True
     torque_limit_factor: JointFactors = dataclasses.field(default_factory=JointFactors)
 
 
