@@ -9,6 +9,7 @@ import pytest
 from fakes import control_step, plant_state, tell
 
 from sim.bridge.run import build_plant, known_belief, run_scenario
+from sim.interface import JOINTS, Observation
 from sim.scenario import Scenario, load, with_values
 from sim.settings.tree import spec_at
 from sim.trials.falls.cause import PROOFS, Cause, decisive
@@ -35,7 +36,9 @@ def walk(*changes, end=END, landings=(0.5,)):
             more_state, more_step = change(t)
             state |= more_state
             step |= more_step
-        tell(witness, k, plant_state(**state), None, control_step(**step), 0.0)
+        now = plant_state(**state)
+        seen = Observation(t=t, q=now.q, dq=now.dq, contact=contact)
+        tell(witness, k, now, seen, control_step(**{"u_total": state["torque"]} | step), 0.0)
     return witness
 
 
@@ -58,7 +61,7 @@ SYMPTOMS = {
     Cause.SLIP: from_(BEGAN, SLIDE),
     Cause.FLIGHT: from_(BEGAN, {"contact": (False, False)}),
     Cause.STALL: from_(BEGAN, step={"dtheta": 0.0}),
-    Cause.LATE: from_(BEGAN, step={"s": 1.2}),
+    Cause.OVERRUN: from_(BEGAN, step={"s": 1.2}),
     Cause.TORQUE: from_(BEGAN, {"torque": np.array([0.0, -LIMIT, 0.0, 0.0])}),
     Cause.SOLVER: from_(BEGAN, step={"fallback": True}),
     Cause.TRACKING: from_(BEGAN, step={"y": np.array([0.0, 0.0, -0.3, 0.0])}),
@@ -146,28 +149,92 @@ def test_an_undisturbed_walk_shows_no_symptom(kind: str) -> None:
     assert witness.seen == {Cause.UNCLEAR}
 
 
-@pytest.mark.parametrize(
-    ("changes", "cause"),
-    [
-        ({"pushes.0.force": -25.0, "pushes.0.step": 1}, Cause.STALL),
-        ({"plant.ground.friction": 0.03}, Cause.SLIP),
-        ({"start.q_offset": (0.0, 0.05, 0.0, 0.0, 0.0)}, Cause.START),
-        ({"plant.torque_limit_factor.left_hip": 0.2, "plant.torque_limit_factor.right_hip": 0.2}, Cause.TORQUE),
-    ],
-)
-def test_falls_whose_cause_is_plain_are_explained(changes: dict, cause: Cause) -> None:
-    scenario = with_values(load("undisturbed"), {"controller.kind": "zd-pd", "steps": 5} | changes)
-    witness = Witness(scenario.controller.period)
-    summary = run_scenario(scenario, tape=witness, belief=known_belief(scenario.walker, scenario.gait))
-    assert summary.outcome == "fell"
-    assert witness.verdict(np.array(list(summary.torque_limit_Nm.values())))[0] is cause
+def test_a_landing_before_the_step_is_over_is_seen() -> None:
+    early = from_(0.8, step={"s": 0.6}, until=0.85)
+    late = from_(0.87, step={"dtheta": 0.0})
+    found, evidence = verdict(early, late, landings=(0.5, 0.84))
+    assert found is Cause.EARLY and evidence.landed_s == pytest.approx(0.6)
+
+
+def dead(*joints: str, part: float = 0.0) -> dict:
+    return {f"actuation.motor_constant_factor.{joint}": part for joint in joints}
+
+
+def limited(joint: str, factor: float) -> dict:
+    return {f"plant.torque_limit_factor.{side}_{joint}": factor for side in ("left", "right")}
+
+
+def ramp(slope: float) -> dict:
+    return {f"plant.ground.ramps.0.{name}": v for name, v in (("slope", slope), ("start", 0.8), ("length", 10.0))}
+
+
+def pushed(force: float, step: int = 1) -> dict:
+    return {"pushes.0.force": force, "pushes.0.step": step}
+
+
+ICE = {
+    "plant.ground.patches.0.friction": 0.02,
+    "plant.ground.patches.0.start": 0.7,
+    "plant.ground.patches.0.length": 1.0,
+}
+NO_GAINS = {"controller.kp": (0.0,) * 4, "controller.kd": (0.0,) * 4}
+CONSTRUCTED = [
+    ("zd-pd", {"sensors.latency": 30}, "delay"),
+    ("zd-pd", {"sensors.latency": 20}, "delay"),
+    ("c-mpc", {"sensors.latency": 20}, "delay"),
+    ("zd-pd", {"actuation.latency": 25}, "delay"),
+    ("c-mpc", {"actuation.latency": 25}, "delay"),
+    ("zd-pd", {"actuation.lag": 0.05}, "delay"),
+    *(("zd-pd", dead(joint), "actuator") for joint in JOINTS),
+    ("c-mpc", dead("left_hip"), "actuator"),
+    ("zd-pd", dead(*JOINTS, part=0.3), "actuator"),
+    ("zd-pd", limited("hip", 0.2), "torque"),
+    ("zd-pd", limited("knee", 0.2), "torque"),
+    ("c-mpc", limited("hip", 0.15), "torque"),
+    ("zd-pd", {"plant.ground.friction": 0.03}, "friction"),
+    ("zd-pd", {"plant.ground.friction": 0.06}, "friction"),
+    ("c-mpc", {"plant.ground.friction": 0.05}, "friction"),
+    ("zd-pd", ICE, "friction"),
+    ("zd-pd", pushed(-25.0), "energy"),
+    ("zd-pd", pushed(-35.0, step=3), "energy"),
+    ("c-mpc", pushed(-60.0), "energy"),
+    ("zd-pd", ramp(0.15), "energy"),
+    ("zd-pd", ramp(-0.2), "landing"),
+    ("zd-pd", {"plant.ground.ledges.0.height": -0.1}, "landing"),
+    ("zd-pd", {"plant.ground.ledges.0.height": 0.06, "plant.ground.ledges.0.position": 1.05}, "landing"),
+    ("zd-pd", {"plant.ground.rough.height": 0.05}, "landing"),
+    ("zd-pd", {"plant.ground.slope": -0.25}, "start"),
+    ("zd-pd", {"start.q_offset": (0.0, 0.05, 0.0, 0.0, 0.0)}, "start"),
+    ("zd-pd", {"sensors.torso_bias": 0.15}, "sensor"),
+    ("zd-pd", {"sensors.angle_bias.left_knee": 0.2}, "sensor"),
+    ("zd-pd", NO_GAINS, "tracking"),
+]
+"""Falls whose cause is known because it was put there."""
+
+
+def test_falls_whose_cause_is_known_by_construction_are_explained(capsys) -> None:
+    """At least 22 in 24 are named rightly, and no law that predicts nothing falls by prediction."""
+    wrong = []
+    for kind, changes, word in CONSTRUCTED:
+        scenario = with_values(load("undisturbed"), {"controller.kind": kind, "steps": 12} | changes)
+        witness = Witness(scenario.controller.period)
+        summary = run_scenario(scenario, tape=witness, belief=known_belief(scenario.walker, scenario.gait))
+        assert summary.outcome == "fell", (kind, changes)
+        limits = np.array([summary.torque_limit_Nm.get(joint, math.inf) for joint in JOINTS])
+        found = witness.verdict(limits)[0].word
+        assert (kind, found) != ("zd-pd", "prediction") and (kind, found) != ("zd-pd", "solver")
+        if found != word:
+            wrong.append((kind, changes, word, found))
+    with capsys.disabled():
+        print(f"\n{len(CONSTRUCTED) - len(wrong)} of {len(CONSTRUCTED)} constructed causes named; others: {wrong}")
+    assert len(CONSTRUCTED) >= 24 and len(wrong) <= len(CONSTRUCTED) * 2 / 24
 
 
 def test_evidence_reads_back_and_speaks_for_every_cause() -> None:
     _, evidence = verdict(SYMPTOMS[Cause.TORQUE])
     known = json.loads(evidence.to_json())
     assert known.keys() == {field.name for field in dataclasses.fields(evidence)}
-    assert set(PROOFS) == set(Cause) and set(SHARES) == set(SYMPTOMS)
+    assert set(PROOFS) == set(Cause) and set(SHARES) == set(SYMPTOMS) | {Cause.LATE, Cause.EARLY}
     for cause in Cause:
         assert bool(decisive(cause.value, known)) == (cause is not Cause.UNCLEAR)
     assert "right hip" in decisive(Cause.TORQUE.value, known)

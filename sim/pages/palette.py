@@ -10,12 +10,18 @@ LIGHT, SHADE = "#8a929b2e", "#8a929b26"
 
 CAUSES = {
     "start": "#9aa1a9",
+    "actuator": "#a8327d",
+    "delay": "#4f7f3f",
+    "sensor": "#7fb069",
     "clearance": "#8d6e4a",
     "friction": "#3f9aa8",
     "contact": "#5b78c7",
     "energy": "#d8a31f",
     "prediction": "#8a5fbf",
+    "landing": "#b39ddb",
     "torque": "#c8442f",
+    "solver": "#e07b39",
+    "tracking": "#f0a6a0",
     "unclear": "#c9ced4",
 }
 """Of the first words of `sim.trials.falls.cause.Cause`."""

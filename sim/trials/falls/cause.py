@@ -9,17 +9,22 @@ from typing import Any
 
 
 class Cause(Enum):
-    """What breaks; the value is what users read."""
+    """What breaks; the value is what users read, its first word what the evidence bears."""
 
     START = "start: a foot begins in the ground"
+    ACTUATOR = "actuator: a joint does not get the torque asked of it"
+    DELAY = "delay: what is measured or applied comes late"
+    SENSOR = "sensor: what is measured is not what is"
     TRIP = "clearance: the swing foot meets the ground"
     SLIP = "friction: the stance foot slides"
     FLIGHT = "contact: both feet leave the ground"
     STALL = "energy: the clock stands still"
     LATE = "prediction: the foot lands later than foreseen"
+    OVERRUN = "landing: the step is over and no foot has landed"
+    EARLY = "landing: a foot lands before the step is over"
     TORQUE = "torque: a joint is at its limit"
-    SOLVER = "prediction: the controller falls back"
-    TRACKING = "prediction: the outputs are lost, torque to spare"
+    SOLVER = "solver: the controller falls back"
+    TRACKING = "tracking: the outputs are lost, torque to spare"
     UNCLEAR = "unclear: none of the symptoms lasts"
 
     @property
@@ -46,7 +51,13 @@ class Evidence:
         s_max: Largest normalised clock; a foot should have landed at 1.
         output_max_rad: Largest output in [rad].
         fallback_share: Share of the time in which the controller fell back.
+        landed_s: Normalised clock of the last landing before or around it; 1 if there was none.
         sunk_m: Depth of the lower foot in the ground at the start of the run in [m].
+        weak_joint: The joint that lacked most of the torque asked of it, before the fall and in it.
+        given: Part of the torque asked of it that it got, 0 to 1, delays aside.
+        measured_late_s: Time by which the observation lags behind the truth, in [s].
+        applied_late_s: Time by which the torque lags behind the command, in [s].
+        sensor_error_rad: Largest mean difference of a measured from a true angle, delays aside, in [rad].
     """
 
     began_s: float
@@ -63,6 +74,12 @@ class Evidence:
     output_max_rad: float
     fallback_share: float
     sunk_m: float
+    landed_s: float = 1.0
+    weak_joint: str = ""
+    given: float = 1.0
+    measured_late_s: float = 0.0
+    applied_late_s: float = 0.0
+    sensor_error_rad: float = 0.0
 
     def to_json(self) -> str:
         """As one line of JSON, figures to four digits; what is not finite becomes null."""
@@ -78,11 +95,16 @@ def _rounded(value: Any) -> Any:
 
 PROOFS = {
     Cause.START: "{sunk_m:.4f} m in the ground at t = 0",
+    Cause.ACTUATOR: "{weak_joint} gets {given:.0%} of it",
+    Cause.DELAY: "measured {measured_late_s:.3f} s late, applied {applied_late_s:.3f} s late",
+    Cause.SENSOR: "by {sensor_error_rad:.3f} rad on the mean",
     Cause.TRIP: "it touches for {scuff_s:.3f} s",
     Cause.SLIP: "by {slip_m:.3f} m",
     Cause.FLIGHT: "{flight_share:.0%} of the time, clock up to {clock_max_rad_s:.2f} rad/s",
     Cause.STALL: "down to {clock_min_rad_s:.2f} rad/s",
     Cause.LATE: "{late_s:.3f} s overdue, s = {s_max:.2f}",
+    Cause.OVERRUN: "s = {s_max:.2f}",
+    Cause.EARLY: "at s = {landed_s:.2f}",
     Cause.TORQUE: "{joint}, {torque_share:.0%} of the time",
     Cause.SOLVER: "{fallback_share:.0%} of the ticks",
     Cause.TRACKING: "{output_max_rad:.2f} rad, torque at a limit {torque_share:.0%} of the time",

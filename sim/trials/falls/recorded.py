@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sim.interface import JOINTS
+from sim.interface import COORDINATES, JOINTS
 from sim.log.format.fields import LEGS, OUTPUTS
 from sim.log.read.frames import Run
 from sim.loop import Outcome
@@ -48,6 +48,10 @@ def recorded_verdict(run: Run) -> tuple[Cause, Evidence] | None:
             np.take_along_axis(feet, stance[:, None], axis=1),
             *(state[f"torque.{joint}"][:n] for joint in JOINTS),
             *(control[f"y.{output}"][:n] for output in OUTPUTS),
+            *(control[f"u_total.{joint}"][:n] for joint in JOINTS),
+            *(state[f"dq.{name}"][:n] for name in COORDINATES),
+            *(control[f"observation.q.{name}"][:n] - state[f"q.{name}"][:n] for name in COORDINATES),
+            _clock_at_landing(step, control["s"][:n]),
         ]
     )
     limits = run.result.get("torque_limit_Nm")
@@ -55,6 +59,12 @@ def recorded_verdict(run: Run) -> tuple[Cause, Evidence] | None:
     known = [limits.get(joint) for joint in JOINTS]
     limit = np.array([x if isinstance(x, int | float) else math.inf for x in known])
     return verdict(rows[-round(KEPT / period) :], -float(clearance[0].min()), period, limit)
+
+
+def _clock_at_landing(step: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Normalised clock one tick before the last landing, (n,); 1 where there was none."""
+    first = np.searchsorted(step, step)  # of the step that a tick is in
+    return np.where(first > 0, s[np.maximum(first - 1, 0)], 1.0)
 
 
 def _due(t: np.ndarray, step: np.ndarray, ahead: np.ndarray) -> np.ndarray:

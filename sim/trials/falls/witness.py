@@ -5,10 +5,17 @@ why. A tick shows a symptom when the symptom held during enough of the `WINDOW` 
 are followed back from the fall to the last `GAP` without any: there the fall began, and the symptom seen first is
 its cause. Symptoms that begin within `TOGETHER` count as one event, named by the order of `Cause`. Undisturbed
 walks show none.
+
+What lies between the two worlds is judged first, over all that is remembered: a motor that does not give what is
+asked of it, observations or torques that come late, sensors that are off. Such a fault is there before any symptom
+and is found by comparing what was asked with what was applied, and what was seen with what was; settings are not
+looked at. Where it is too small to matter by itself (`WEAK`, `BEHIND`, `OFF`) the symptoms decide.
 """
 
+import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +29,7 @@ WINDOW = 0.04  # [s]
 GAP = 0.12  # [s], about a quarter of a step
 TOGETHER = 0.02  # [s]
 
-WIDTH = 18  # numbers remembered of a tick
+WIDTH = 33  # numbers remembered of a tick
 
 AT_LIMIT = 0.999  # share of a joint's limit at which it counts as saturated
 SLIDING = 0.1  # [m/s] of a foot along the ground; a stance foot at rest creeps by less than a hundredth of it
@@ -34,14 +41,25 @@ OVERRUN = 1.05  # of the normalised clock; the foot lands at 1
 OFF_TRACK = 0.2  # [rad] of the largest output
 SUNK = 1e-3  # [m] of a foot below the ground at the start; the gait's own start has 0.6 mm
 AT_ONCE = 0.1  # [s] within which a foot that began in the ground explains a fall
+EARLY = 0.85  # of the normalised clock, below which a landing is too early
 STUCK = 1.5  # [s] without a step
+SOON = 1.0  # [s] after the start within which a fall can be that of a foot that began in the ground
+
+WEAK = 0.6  # part of the torque asked for that a joint gets, below which its motor counts as failing
+ASKED = 3.0  # [N.m] RMS that has to be asked of a joint before its motor can be judged
+BEHIND = 8e-3  # [s] by which observations and torques together may come late
+LATEST = 0.06  # [s], longest delay looked for
+OFF = 0.03  # [rad] of a measured angle on the mean
+FEWEST = 40  # ticks from which on faults between the worlds can be judged
 
 SHARES = {
     Cause.TRIP: 0.05,
-    Cause.SLIP: 0.5,
+    Cause.SLIP: 0.25,
     Cause.FLIGHT: 0.75,
     Cause.STALL: 0.75,
     Cause.LATE: 0.0,
+    Cause.OVERRUN: 0.0,
+    Cause.EARLY: 0.0,
     Cause.TORQUE: 0.75,
     Cause.SOLVER: 0.75,
     Cause.TRACKING: 0.5,
@@ -61,6 +79,7 @@ class Witness(NoTape):
         self._landed = 0.0  # [s]
         self._due = math.inf  # [s], when the swing foot should land
         self._t = 0.0  # [s]
+        self._s = self._landed_s = 1.0
         self._sunk = 0.0  # [m]
 
     def ticks(self, ticks: Ticks) -> None:
@@ -77,16 +96,17 @@ class Witness(NoTape):
             (
                 t, np.full(n, self._stance), np.full(n, self._landed), due, step["s"], step["dtheta"],
                 step["fallback"], touches, state["foot"][:, self._stance, 0], state["torque"], step["y"],
+                step["u_total"], state["dq"], ticks.seen["q"] - state["q"], np.full(n, self._landed_s),
             )
         )  # fmt: skip
         self._ticks += n
-        self._t = float(t[-1])
+        self._t, self._s = float(t[-1]), float(step["s"][-1])
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Follow the stance foot from landing to landing."""
         if name == "impact":
             self._stance = 1 - self._stance
-            self._landed, self._due = self._t + self._period, math.inf
+            self._landed, self._due, self._landed_s = self._t + self._period, math.inf, self._s
 
     def verdict(self, limits: Vector) -> tuple[Cause, Evidence]:
         """What broke, in a run that fell.
@@ -118,9 +138,32 @@ def verdict(rows: Vector, sunk: float, period: float, limits: Vector) -> tuple[C
     """
     ticks = _Ticks(rows, period, np.asarray(limits))
     began, cause = ticks.beginning()
-    if sunk > SUNK and len(rows) and ticks.t[began] < AT_ONCE:
+    between = ticks.between()
+    found = ticks.evidence(began, sunk) if between is None else ticks.evidence(began, sunk, between)
+    if between is not None and (fault := between.fault()):
+        cause = fault
+    if sunk > SUNK and len(rows) and found.began_s < AT_ONCE and found.began_s + found.lasted_s < SOON:
         cause = Cause.START
-    return cause, ticks.evidence(began, sunk)
+    return cause, found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Between:
+    """What lies between the two worlds; attributes as in `Evidence`."""
+
+    weak_joint: str
+    given: float
+    measured_late_s: float
+    applied_late_s: float
+    sensor_error_rad: float
+
+    def fault(self) -> Cause | None:
+        """The fault that is large enough to explain a fall, None if none is."""
+        if self.given < WEAK:
+            return Cause.ACTUATOR
+        if self.measured_late_s + self.applied_late_s > BEHIND:
+            return Cause.DELAY
+        return Cause.SENSOR if self.sensor_error_rad > OFF else None
 
 
 class _Ticks:
@@ -128,7 +171,11 @@ class _Ticks:
 
     def __init__(self, rows: Vector, period: float, limits: Vector) -> None:
         self.t, stance, landed, due, self.s, self.clock, fallback, left, right, foot = rows[:, :10].T
-        torque, y = rows[:, 10:14].T, rows[:, 14:]
+        torque, y = rows[:, 10:14].T, rows[:, 14:18]
+        self.torque = torque.T
+        self.asked = np.clip(rows[:, 18:22], -limits, limits)  # (n, 4), what the plant would let through
+        self.rates, self.errors = rows[:, 22:27], rows[:, 27:32]  # (n, 5)
+        self.landed_s = rows[:, 32]
         self.period = period
         self.stance, self.fallback = stance.astype(int), fallback > 0.0
         self.since, self.late = self.t - landed, self.t - due  # [s]
@@ -153,7 +200,9 @@ class _Ticks:
             Cause.SLIP: self.slid > SLIDING * self.period,
             Cause.FLIGHT: ~self.touches.any(axis=0),
             Cause.STALL: self.clock < STANDING,
-            Cause.LATE: (self.s > OVERRUN) | (self.late > OVERDUE),
+            Cause.LATE: self.late > OVERDUE,
+            Cause.OVERRUN: self.s > OVERRUN,
+            Cause.EARLY: (self.since < TOGETHER) & (self.landed_s < EARLY),
             Cause.TORQUE: self.saturated.any(axis=0),
             Cause.SOLVER: self.fallback,
             Cause.TRACKING: self.output > OFF_TRACK,
@@ -180,7 +229,41 @@ class _Ticks:
         soon = slice(began, began + max(1, round(TOGETHER / self.period)))
         return began, next(cause for cause, held in symptoms.items() if held[soon].any())
 
-    def evidence(self, began: int, sunk: float) -> Evidence:
+    def between(self) -> _Between | None:
+        """Faults between the worlds, from all that is remembered; None where that is too little."""
+        calm = np.isfinite(self.rates).all(axis=1) & np.isfinite(self.errors).all(axis=1)
+        calm &= np.isfinite(self.asked).all(axis=1) & np.isfinite(self.torque).all(axis=1)
+        if calm.sum() < FEWEST or not calm.all():
+            return None
+        # A reading that is late by tau is off by -rate * tau, and a bias is off by itself: least squares for both.
+        rates = self.rates - self.rates.mean(axis=0)
+        power = float((rates**2).sum())
+        late = -float((rates * self.errors).sum()) / power if power > 0.0 else 0.0
+        off = (self.errors + late * self.rates).mean(axis=0)
+        lag = self._lag()
+        asked, given = self.asked[: len(self.asked) - lag - 1], self.torque[lag + 1 :]
+        size = np.sqrt((asked**2).mean(axis=0))
+        part = (asked * given).sum(axis=0) / np.maximum((asked**2).sum(axis=0), 1e-9)
+        part = np.where(size > ASKED, np.clip(part, 0.0, 1.0), 1.0)
+        weak = int(part.argmin())
+        return _Between(
+            weak_joint=JOINTS[weak].replace("_", " ") if part[weak] < 1.0 else "",
+            given=float(part[weak]),
+            measured_late_s=max(0.0, late),
+            applied_late_s=lag * self.period,
+            sensor_error_rad=float(np.abs(off).max()),
+        )
+
+    def _lag(self) -> int:
+        """Ticks by which the torque follows the command best; 0 where nothing tells them apart."""
+        most = min(round(LATEST / self.period), len(self.asked) // 4)
+        n = len(self.asked) - most - 1
+        given = self.torque[most + 1 :]
+        misses = [float(((given - self.asked[most - lag : most - lag + n]) ** 2).sum()) for lag in range(most + 1)]
+        best = int(np.argmin(misses))
+        return best if misses[best] < 0.5 * misses[0] else 0
+
+    def evidence(self, began: int, sunk: float, between: _Between | None = None) -> Evidence:
         """The figures around the beginning of a fall."""
         if not len(self.t):
             nan = math.nan
@@ -207,4 +290,6 @@ class _Ticks:
             output_max_rad=float(self.output[part].max()),
             fallback_share=float(self.fallback[part].mean()),
             sunk_m=sunk,
+            landed_s=float(self.landed_s[part].min()),
+            **(dataclasses.asdict(between) if between else {}),
         )

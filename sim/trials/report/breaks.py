@@ -14,15 +14,22 @@ from sim.trials.report.summary import DIRECTIONS
 from sim.trials.run import Results, TrialResult
 
 SYMPTOMS = {
-    "start": f"a foot begins deeper than {1e3 * w.SUNK:g} mm in the ground, and the fall within {w.AT_ONCE:g} s",
+    "start": f"a foot begins deeper than {1e3 * w.SUNK:g} mm in the ground, and the fall begins within {w.AT_ONCE:g} s "
+    f"and is over within {w.SOON:g} s",
+    "actuator": f"a joint gets less than {w.WEAK:.0%} of the torque asked of it that the plant would let through",
+    "delay": f"what is measured and what is applied lag by more than {1e3 * w.BEHIND:g} ms together",
+    "sensor": f"a measured angle is off by more than {w.OFF:g} rad on the mean",
     "clearance": "the swing foot touches the ground where no step is",
     "friction": f"the stance foot slides faster than {w.SLIDING:g} m/s",
     "contact": "both feet are in the air",
     "energy": f"the clock is slower than {w.STANDING:g} rad/s, where the gait's is 0.9 and above",
-    "prediction": f"a landing is {1e3 * w.OVERDUE:g} ms later than foreseen {1e3 * w.FORESEEN:g} ms before it, or the "
-    f"clock beyond {w.OVERRUN:g} of its range; the controller falls back; or an output is beyond "
-    f"{w.OFF_TRACK:g} rad with torque to spare",
+    "prediction": f"a landing is {1e3 * w.OVERDUE:g} ms later than the controller foresaw "
+    f"{1e3 * w.FORESEEN:g} ms before it",
+    "landing": f"the clock is beyond {w.OVERRUN:g} of its range and no foot has landed, or a foot lands "
+    f"below {w.EARLY:g}",
     "torque": f"a joint applies {w.AT_LIMIT:.1%} of its limit or more",
+    "solver": "the controller falls back",
+    "tracking": f"an output is beyond {w.OFF_TRACK:g} rad with torque to spare",
     "unclear": "none of these lasts until the fall",
 }
 
@@ -33,8 +40,9 @@ RULE = (
 )
 SHARE = (
     f"Each must hold for its share of the {w.WINDOW:g} s before. Those that begin within {w.TOGETHER:g} s of the first "
-    "are one event, named in this order; falling back and lost outputs come after torque. The figures are those around "
-    "the beginning of the fall. Undisturbed walks show none."
+    "are one event, named in this order. Actuators, delays and sensors are judged before all symptoms, over the last "
+    f"{w.KEPT:g} s: what was applied against what was asked, what was seen against what was. The figures are those "
+    "around the beginning of the fall. Undisturbed walks show none."
 )
 
 
