@@ -1,1 +1,84 @@
-"""The plant's world: MuJoCo, contact, pushes, errors, time and logs."""
+"""Walking robots under model predictive control, on a plant with contact: what a user needs, by name.
+
+Everything here is loaded when it is first asked for; `import sim` alone loads no engine. What is not listed here is
+private and may change.
+
+    import sim
+
+    scenario = sim.with_value(sim.load("push-25N"), "plant.mass_factor.torso", 1.2)
+    summary = sim.run(scenario, controller="./mine.py:make", log="run.mcap")
+    sim.write_review("run.mcap", "run.html")
+
+See docs/api.md.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    __version__: str
+    from controller.errors import UserError as UserError
+    from controller.records import Controller as Controller
+    from controller.records import ControlStep as ControlStep
+    from controller.records import Observation as Observation
+    from sim.api import run as run
+    from sim.api import run_trials as run_trials
+    from sim.api import write_review as write_review
+    from sim.log.read.frames import Run as Log
+    from sim.log.read.frames import load as read
+    from sim.loop import RunSummary as Summary
+    from sim.scenario import Scenario as Scenario
+    from sim.scenario import load as load
+    from sim.scenario import with_value as with_value
+    from sim.scenario import with_values as with_values
+
+_HOMES = {
+    "Controller": ("controller.records", "Controller"),
+    "ControlStep": ("controller.records", "ControlStep"),
+    "Log": ("sim.log.read.frames", "Run"),
+    "Observation": ("controller.records", "Observation"),
+    "Scenario": ("sim.scenario", "Scenario"),
+    "Summary": ("sim.loop", "RunSummary"),
+    "UserError": ("controller.errors", "UserError"),
+    "load": ("sim.scenario", "load"),
+    "read": ("sim.log.read.frames", "load"),
+    "run": ("sim.api", "run"),
+    "run_trials": ("sim.api", "run_trials"),
+    "with_value": ("sim.scenario", "with_value"),
+    "with_values": ("sim.scenario", "with_values"),
+    "write_review": ("sim.api", "write_review"),
+}
+"""Name -> where it stands."""
+
+__all__ = [
+    "ControlStep",
+    "Controller",
+    "Log",
+    "Observation",
+    "Scenario",
+    "Summary",
+    "UserError",
+    "__version__",
+    "load",
+    "read",
+    "run",
+    "run_trials",
+    "with_value",
+    "with_values",
+    "write_review",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("cmpc-walker")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'sim' has no attribute {name!r}; it has {', '.join(__all__)}")
+    module, attribute = _HOMES[name]
+    return getattr(importlib.import_module(module), attribute)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -52,7 +52,7 @@ class Recorded:
         if not write_step(step[i], decided):
             self._texts[self._k] = decided.status
         if decided.diagnostics:
-            self._diagnostics[self._k] = decided.diagnostics
+            self._diagnostics[self._k] = dict(decided.diagnostics)  # the law may reuse its own
         self._plan = decided.plan
         self._k += 1
 

@@ -14,8 +14,8 @@ from sim.log.read import Log
 from sim.log.read.frames import Run, run_of
 from sim.review import facts
 from sim.review.answer import answer
-from sim.review.panels import PANELS, Panel
-from sim.review.signals import Signals, decimated, difference, signals_of
+from sim.review.panels import PANELS, Panel, diagnostics_panels
+from sim.review.signals import Signals, decimated, diagnostics_units, difference, signals_of
 
 MOST_SAMPLES = 12_000
 """Samples of a signal; 10 s are there tick by tick. Two logs share them."""
@@ -36,7 +36,7 @@ def page(logs: list[Log]) -> str:
     """
     runs = [run_of(log) for log in logs]
     signals = [signals_of(run) for run in runs]
-    panels = _panels(signals)
+    panels = _panels(runs, signals)
     keys = {line.key for panel in panels for line in panel.lines} | {panel.x for panel in panels if panel.x}
     samples = MOST_SAMPLES // len(runs)
     data: dict[str, Any] = {
@@ -52,13 +52,14 @@ def page(logs: list[Log]) -> str:
     return pages.render("review.html", title=f"{names} – C-MPC log review", data=data)
 
 
-def _panels(signals: list[Signals]) -> list[Panel]:
+def _panels(runs: list[Run], signals: list[Signals]) -> list[Panel]:
     """Panels with something in them: a plain ZD+PD run has no MPC, an undisturbed one no push."""
 
     def has_data(key: str) -> bool:
-        return any(bool(np.nan_to_num(one.columns[key]).any()) for one in signals)
+        return any(key in one.columns and bool(np.nan_to_num(one.columns[key]).any()) for one in signals)
 
-    return [panel for panel in PANELS if any(has_data(line.key) for line in panel.lines)]
+    units = {name: unit for run in runs for name, unit in diagnostics_units(run).items()}
+    return [panel for panel in (*PANELS, *diagnostics_panels(units)) if any(has_data(line.key) for line in panel.lines)]
 
 
 def _panel(panel: Panel) -> dict[str, Any]:
@@ -101,7 +102,8 @@ def _spans(signals: Signals) -> list[dict[str, Any]]:
 
 def _samples(signals: Signals, keys: set[str], most: int) -> dict[str, Any]:
     t, columns = decimated(signals, most)
-    return {"t": _floats(t), "columns": {key: _floats(columns[key]) for key in sorted(keys)}}
+    nothing = np.full(len(t), np.nan)  # figures that only the other log's controller gives
+    return {"t": _floats(t), "columns": {key: _floats(columns.get(key, nothing)) for key in sorted(keys)}}
 
 
 def _frames(run: Run, signals: Signals) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The plots of the review page: which signals stand together, in which unit, against which limit."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sim.interface import JOINTS
@@ -210,3 +211,27 @@ PANELS = (
     ),
 )
 """In the order of the page."""
+
+_COLOURS = ("c1", "c2", "c3", "c4", "zd", "mpc", "left", "right")
+
+
+def diagnostics_panels(units: Mapping[str, str]) -> tuple[Panel, ...]:
+    """Plots of a law's own figures: those of one unit together, as many as there are colours.
+
+    Args:
+        units: Unit by the figure's name, "1" for a pure number.
+    """
+    found = []
+    for unit in dict.fromkeys(units.values()):
+        names = [name for name, its in units.items() if its == unit]
+        for first in range(0, len(names), len(_COLOURS)):
+            some = names[first : first + len(_COLOURS)]
+            lines = tuple(
+                Line(key=f"diagnostics.{name}", label=_words(name), colour=colour)
+                for name, colour in zip(some, _COLOURS, strict=False)
+            )
+            title = f"Controller's own: {', '.join(map(_words, some))}"
+            found.append(
+                Panel(name=f"own-{some[0]}", title=title, unit="" if unit == "1" else unit, lines=lines, clip=True)
+            )
+    return tuple(found)

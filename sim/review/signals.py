@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.interface import COORDINATES, JOINTS, LEGS
-from sim.log.format.fields import OUTPUTS
+from sim.log.format.fields import DIAGNOSTICS, OUTPUTS
 from sim.log.read.frames import Run
 
 Column = NDArray[np.float64]
 LEAST_NORMAL = 5.0  # [N]; below it the foot hardly touches, and a friction ratio says nothing
 STATE, CONTROL, MPC, ERROR, TIMING = "/plant/state", "/control", "/mpc", "/prediction/error", "/timing"
+TOPICS = (STATE, CONTROL, MPC, ERROR, TIMING, DIAGNOSTICS)
+MOST_DIAGNOSTICS = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,7 +41,7 @@ def signals_of(run: Run) -> Signals:
     Raises:
         UserError: it has no tick of plant and controller.
     """
-    frames = {topic: run.frames[topic] for topic in (STATE, CONTROL, MPC, ERROR, TIMING) if topic in run.frames}
+    frames = {topic: run.frames[topic] for topic in TOPICS if topic in run.frames}
     if STATE not in frames or CONTROL not in frames:
         raise UserError(f"{run.log.path}: needs the channels {STATE} and {CONTROL}")
     tick = np.intersect1d(frames[STATE].tick, frames[CONTROL].tick)
@@ -57,6 +59,7 @@ def signals_of(run: Run) -> Signals:
         return values
 
     found = _plain(column)
+    found |= {f"diagnostics.{name}": column(DIAGNOSTICS, name) for name in diagnostics_units(run)}
     t = frames[STATE].t[np.minimum(rows[STATE], len(frames[STATE].tick) - 1)]
     impacts = np.array([tick[np.argmin(np.abs(t - e.t))] for e in run.events if e.name == "impact"], np.int64)
     found |= _forces(column)
@@ -64,6 +67,15 @@ def signals_of(run: Run) -> Signals:
     with np.errstate(over="ignore"):  # what a double holds and a float32 does not is as good as infinite
         columns = {key: np.where(np.abs(v) < 1e30, v, np.nan) for key, v in found.items()}
     return Signals(tick=tick, t=t, columns=columns, impacts=impacts)
+
+
+def diagnostics_units(run: Run) -> dict[str, str]:
+    """Units of the controller's own figures by their names; none where there are no figures."""
+    if DIAGNOSTICS not in run.frames:
+        return {}
+    units = run.log.units(DIAGNOSTICS)
+    names = [name for name in run.frames[DIAGNOSTICS] if not name.startswith("_")][:MOST_DIAGNOSTICS]
+    return {name: units.get(name, "1") for name in names}
 
 
 def _plain(column: Any) -> dict[str, Column]:
@@ -137,7 +149,8 @@ def _impact_error(tick: NDArray[np.int64], ahead: Column, impacts: NDArray[np.in
 def difference(a: Signals, b: Signals) -> Signals:
     """B minus A at the ticks both have."""
     tick, in_a, in_b = np.intersect1d(a.tick, b.tick, return_indices=True)
-    columns = {key: b.columns[key][in_b] - a.columns[key][in_a] for key in a.columns}
+    both = a.columns.keys() & b.columns.keys()  # figures of one controller's own have no difference
+    columns = {key: b.columns[key][in_b] - a.columns[key][in_a] for key in a.columns if key in both}
     return Signals(tick=tick, t=a.t[in_a], columns=columns, impacts=a.impacts)
 
 

@@ -219,5 +219,8 @@ PREDICTED_IMPACT = ChannelTable(
 )
 """At each impact: when it had been predicted for. A positive error means that it came early."""
 
+DIAGNOSTICS = "/diagnostics"
+"""Topic of figures of a law's own; their names are those of the first tick that has any."""
+
 TABLES = (*CHANNELS, PREDICTION, PREDICTED_IMPACT)
 """Every channel with messages of this project's own."""

@@ -76,6 +76,14 @@ SCHEMA = FileDescriptorSet(file=[_FILE]).SerializeToString(deterministic=True)
 """Serialised FileDescriptorSet of every channel of our own, the schema data MCAP asks for."""
 
 
+def schema_of(channel: ChannelTable) -> bytes:
+    """Schema data of a channel that stands in no table, of its own file."""
+    file = FileDescriptorProto(name=f"{PACKAGE}/{channel.message.lower()}.proto", package=PACKAGE, syntax="proto3")
+    message = file.message_type.add(name=channel.message)
+    _fill(message, f".{PACKAGE}.{channel.message}", [(f.name, f) for f in channel.fields])
+    return FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
+
+
 def full_name(channel: ChannelTable) -> str:
     """Name of the channel's message with its package."""
     return f"{PACKAGE}.{channel.message}"

@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -22,6 +23,7 @@ from sim.log.format.schema import SCHEMA, channel_metadata, closure, full_name
 from sim.log.write.arrows import GroundAngle, arrows_of, force_update
 from sim.log.write.block import TickBlock
 from sim.log.write.container import McapFile
+from sim.log.write.diagnostics import Diagnostics
 from sim.log.write.header import RunHeader
 from sim.log.write.prediction import Hindsight, horizon_message
 from sim.log.write.scene import frame_transforms, scene_update, set_time
@@ -76,6 +78,8 @@ class Recorder:
         self.frame_every = max(1, round(1 / (FRAME_RATE * period)))
         self._extras: list[_Extra] = []
         self._unlisted: set[str] = set()
+        self._diagnostics: Diagnostics | None = None
+        self._more_figures = False
         self._last = 0
         self._file = McapFile(Path(path))
         try:
@@ -119,7 +123,9 @@ class Recorder:
 
     def _add(self, ticks: Ticks) -> None:
         first, n = ticks.first, len(ticks)
-        for k in sorted({k for k in (*ticks.texts, *ticks.frames) if first <= k < first + n}):
+        for k in sorted({k for k in (*ticks.texts, *ticks.frames, *ticks.diagnostics) if first <= k < first + n}):
+            if k in ticks.diagnostics:
+                self._diagnose(k, ticks.diagnostics[k], self._block.count + k - first)
             if k in ticks.texts:
                 self._note_unlisted(k, ticks.texts[k], self._block.count + k - first)
             if k in ticks.frames:
@@ -196,6 +202,18 @@ class Recorder:
             impact_in = int(ticks.step["impact_in"][number])
             message = horizon_message(frame.plan, self._period_ns * 1e-9, impact_in)
             self._add_extra(k, self._prediction, message, row)
+
+    def _diagnose(self, k: int, figures: Mapping[str, float], row: int) -> None:
+        if self._diagnostics is None:
+            self._diagnostics = Diagnostics(self._file, figures)
+        if len(figures) > len(self._diagnostics.names) and not self._more_figures:
+            self._more_figures = True
+            more = [name for name in figures if name not in self._diagnostics.names]
+            text = f"not at the first tick, not logged: {', '.join(more)[:200]}"
+            self._add_event(k, "warning", "diagnostics", text, row)
+        time_ns = k * self._period_ns
+        record = self._diagnostics.record(k, time_ns, figures)
+        self._extras.append(_Extra(row, self._diagnostics.channel, time_ns, record))
 
     def _note_unlisted(self, k: int, status: str, row: int) -> None:
         if status not in self._unlisted and len(self._unlisted) < MOST_UNLISTED:

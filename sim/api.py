@@ -1,0 +1,84 @@
+"""The functions of the public face, which `import sim` hands on."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from controller import outside
+from sim.bridge.run import run_scenario
+from sim.errors import UserError
+from sim.log.read import salvage
+from sim.loop import RunSummary
+from sim.review.page import write_page
+from sim.scenario import Scenario, load, with_value
+from sim.trials.plan import Plan, load_plan
+from sim.trials.plan.plan import from_toml
+from sim.trials.run import Results, run_plan
+
+
+def run(scenario: Scenario | str, *, controller: Any = None, log: Path | str | None = None) -> RunSummary:
+    """Run a scenario from start to end.
+
+    Args:
+        scenario: What happens; a `str` is the name of a shipped one, or the path of a .toml file.
+        controller: Instead of the scenario's: a kind ("zd-pd", "./mine.py:make"), a factory, or an object with
+            `reset(stance)` and `step(observation)`.
+        log: MCAP file to write; None for no log. An existing file is never overwritten.
+
+    Returns:
+        How it ended, with its figures. What a controller does wrong is the outcome "error", not an exception.
+
+    Raises:
+        UserError: a file or a setting is not legal; one line that names it, its value and what it must be.
+    """
+    wanted = load(scenario) if isinstance(scenario, str) else scenario
+    if controller is not None:
+        wanted = with_value(wanted, "controller.kind", _kind(controller))
+    return run_scenario(wanted, log=Path(log) if log is not None else None)
+
+
+def run_trials(
+    plan: Plan | str,
+    out: Path | str | None = None,
+    *,
+    controllers: Sequence[Any] | None = None,
+    workers: int | None = None,
+) -> Results:
+    """Run a plan of many trials, or what is left of it.
+
+    Args:
+        plan: What to try; a `str` is the name of a shipped plan, the path of a .toml file, or TOML text.
+        out: Folder of the results, made if missing; None keeps them in memory.
+        controllers: Instead of the plan's: kinds or factories that other processes can import.
+        workers: Processes on this machine; one a core by default.
+
+    Raises:
+        UserError: a plan is not legal, or the folder holds results of another one.
+    """
+    if isinstance(plan, str):
+        plan = from_toml(plan) if "\n" in plan else load_plan(plan)
+    if controllers is not None:
+        plan = dataclasses.replace(plan, controllers=tuple(map(_kind, controllers)))
+    for kind in plan.controllers:
+        if kind.startswith("python:"):
+            raise UserError(f"controller {kind}: other processes cannot import it; put it into a file and name that")
+    return run_plan(plan, out, workers=workers)
+
+
+def write_review(log: Path | str, page: Path | str, *, other: Path | str | None = None) -> None:
+    """Make one page from a log, or from two for comparison.
+
+    Args:
+        log: An MCAP log.
+        page: The HTML file to write.
+        other: A second log.
+
+    Raises:
+        UserError: a log cannot be read or has nothing to show, or the page cannot be written.
+    """
+    write_page([salvage(path) for path in (log, other) if path is not None], Path(page))
+
+
+def _kind(controller: Any) -> str:
+    return controller if isinstance(controller, str) else outside.give(controller)
