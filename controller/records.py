@@ -10,7 +10,7 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,6 +245,30 @@ Rows = NDArray[np.void]
 """Rows of `OBSERVATION` or `STEP`, (n,)."""
 
 
+PLAIN = tuple(name for name in STEP.names or () if name not in ("stance", "status", "fallback"))
+"""Fields of `STEP` that are those of `ControlStep` as they are."""
+
+_LEGS = tuple(leg.value for leg in Leg)
+_STATUS_CODES = {status: code for code, status in enumerate(Status)}
+
+
+def observation_of(row: np.void) -> Observation:
+    """A row of `OBSERVATION` as a record, a copy."""
+    left, right = row["contact"].tolist()
+    return Observation(t=float(row["t"]), q=row["q"].copy(), dq=row["dq"].copy(), contact=(left != 0, right != 0))
+
+
+def write_step(row: np.void, step: ControlStep) -> bool:
+    """Fill a row of `STEP` from a record; whether its status is one of `Status`."""
+    for name in PLAIN:
+        row[name] = getattr(step, name)
+    row["stance"], row["fallback"] = _LEGS.index(step.stance), step.fallback
+    code = _STATUS_CODES.get(step.status)
+    row["status"] = code or 0
+    return code is not None
+
+
+@runtime_checkable
 class RowController(Controller, Protocol):
     """A controller that also decides from row to row, without a record a tick: the same decisions, for less."""
 

@@ -16,6 +16,7 @@ from controller.records import (
     FLAG,
     JOINTS,
     OBSERVATION,
+    PLAIN,
     STEP,
     Controller,
     ControlStep,
@@ -25,6 +26,8 @@ from controller.records import (
     Rows,
     Status,
     Vector,
+    observation_of,
+    write_step,
 )
 
 __all__ = [
@@ -34,6 +37,7 @@ __all__ = [
     "LEGS",
     "LINKS",
     "OBSERVATION",
+    "PLAIN",
     "STATE",
     "STEP",
     "AppliedForce",
@@ -48,6 +52,8 @@ __all__ = [
     "Rows",
     "Status",
     "Vector",
+    "observation_of",
+    "write_step",
 ]
 
 LEGS = ("left", "right")

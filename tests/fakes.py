@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 
 from sim.errors import PlantDiverged
-from sim.interface import LINKS, STATE, ControlStep, PlantState, Status
+from sim.interface import LINKS, STATE, ControlStep, PlantState, Status, write_step
 from sim.loop import EachTick, Ticks
-from sim.loop.ticks import Frame, write_step
+from sim.loop.ticks import Frame
 
 PERIOD = 1e-3  # [s]
 COM = {"torso": (0.0, 0.24), "left_femur": (0.0, 0.11)}  # [m]

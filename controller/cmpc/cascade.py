@@ -1,18 +1,22 @@
 """C-MPC: a second layer that corrects ZD+PD where it errs, saturates or would slip."""
 
-from typing import NamedTuple
+import time
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.belief import Friction, Gains, Gait, Law, WalkerModel
+from controller.belief import Friction, Gains, Gait, Law, Loop, WalkerModel
 from controller.belief.friction import ROWS, UNLIMITED, cone, excess
-from controller.belief.kernels import N_U
-from controller.cmpc.prediction import CorrectedHorizon, Horizon, predict
+from controller.belief.kernels import N_Q, N_U
+from controller.belief.stance import calm, take
+from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict, roll_out, within_reason
 from controller.compiled import Array, compiled
+from controller.held import Held, held
 from controller.products import applied
 from controller.qp import Solver, StageQP
-from controller.qp.problem import failed
-from controller.records import ControlStep, Observation, Status, Vector
+from controller.qp.problem import Solution, failed
+from controller.qp.riccati_solver import RiccatiSolver, State, advance, good
+from controller.records import ControlStep, Leg, Observation, Plan, Rows, Status, Vector, observation_of, write_step
 from controller.settings import WeightSettings
 
 
@@ -73,6 +77,8 @@ class CascadedMpc(Law):
         super().__init__(model, gait, gains)
         self.N, self.T = N, T
         self.weights, self.friction, self.solver = weights, friction, solver
+        self._held: Held | None = None
+        self._plan: Plan | None = None
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
@@ -91,6 +97,10 @@ class CascadedMpc(Law):
             solution = self.solver.solve(problem)
         else:
             solution = failed(self.N, Status.PREDICTION_DIVERGED)
+        return self._concluded(state.leg, horizon, solution)
+
+    def _concluded(self, leg: Leg, horizon: Horizon, solution: Solution) -> ControlStep:
+        """The decision that a prediction and a solution make."""
         u = horizon.u[0]
         limit = self.model.torque_limits
         if solution.found:
@@ -99,7 +109,7 @@ class CascadedMpc(Law):
             u_mpc = np.clip(u, -limit, limit) - u  # the one fall-back policy: saturated ZD+PD
         return self.held(
             ControlStep.of(
-                state.leg,
+                leg,
                 u + u_mpc,  # Eq. (23)
                 u_zd=u,
                 u_mpc=u_mpc,
@@ -120,6 +130,115 @@ class CascadedMpc(Law):
                 plan=CorrectedHorizon(horizon=horizon, u_mpc=solution.u) if solution.found else None,
             )
         )
+
+    def decide(self, seen: Rows, step: Rows, i: int) -> None:
+        """The same from row to row: in compiled code, but for the few ticks around a landing and without an answer."""
+        solver = self.solver
+        if not isinstance(solver, RiccatiSolver):
+            self._by_records(seen, step, i)
+            return
+        parts, memory = self._parts(solver), self.stance.memory
+        self._plan = None
+        found = foresee(parts, memory, seen, i)
+        if found == EVENTFUL:
+            self._by_records(seen, step, i)
+            return
+        horizon, problem = parts.value.horizon, parts.value.problem
+        if found == READY:
+            started = time.perf_counter()
+            solved, solver.hard = settle(parts, memory, step, i, solver.hard)
+            if solved:
+                step["solve_s"][i] = time.perf_counter() - started
+                self._plan = CorrectedHorizon(horizon=horizon, u_mpc=solver.state.u)
+                return
+            solution = solver.next_in_line(problem, started)
+        else:
+            solution = failed(self.N, Status.PREDICTION_DIVERGED)
+        self._write(step, i, self._concluded(self.stance.leg, horizon, solution))
+
+    def plan(self) -> Plan | None:
+        """What the last decision expects."""
+        return self._plan
+
+    def _by_records(self, seen: Rows, step: Rows, i: int) -> None:
+        self._write(step, i, self.step(observation_of(seen[i])))
+
+    def _write(self, step: Rows, i: int, decided: ControlStep) -> None:
+        write_step(step[i], decided)
+        self._plan = decided.plan
+
+    def _parts(self, solver: RiccatiSolver) -> Held:
+        """All that a tick works on, kept for compiled code; anew where gait or solver have been."""
+        held = self._held
+        if held is None or held.value.loop is not self.loop or held.value.state is not solver.state:
+            horizon, limit = new_horizon(self.N, self.T), self.model.torque_limits
+            friction = UNLIMITED if self.friction is None else self.friction
+            problem = build_problem(horizon, self.weights, limit, self.friction)
+            held = Held(Parts(self.loop, horizon, self.weights, limit, friction, problem, solver.state))
+            self._held = held
+        return held
+
+
+class Parts(NamedTuple):
+    """All that a tick works on."""
+
+    loop: Loop
+    horizon: Horizon
+    weights: Weights
+    limit: Array
+    friction: Friction
+    problem: StageQP
+    state: State
+
+
+EVENTFUL, ABSURD, READY = range(3)
+"""A foot lands or an impact lasts; the prediction diverged; the problem is there."""
+
+OPTIMAL = list(Status).index(Status.OPTIMAL)
+
+
+@compiled
+def foresee(parts: Any, memory: Any, seen: Any, i: int) -> int:
+    """Predict from row `i` of `seen` and build the problem, where no foot lands and no impact lasts."""
+    if not calm(memory, seen[i]):
+        return EVENTFUL
+    q, dq = np.empty(N_Q), np.empty(N_Q)
+    take(memory, seen[i], q, dq)
+    p = held(parts)
+    roll_out(p.loop, q, dq, p.horizon)
+    if not within_reason(p.horizon.x, p.horizon.force):
+        return ABSURD
+    fill(p.horizon, p.weights, p.limit, p.friction, p.problem)
+    return READY
+
+
+@compiled
+def settle(parts: Any, memory: Any, step: Any, i: int, hard: bool) -> tuple[bool, bool]:
+    """Solve the problem and fill row `i` of `step`, but for the time it took; whether it has an answer and was hard."""
+    p = held(parts)
+    sweeps, hard, checks = advance(p.problem, p.state, hard)
+    if not good(checks):
+        return False, hard
+    m, out, horizon, u_mpc = memory[0], step[i], p.horizon, p.state.u[0]
+    for j in range(N_U):
+        joint = j ^ m.leg
+        out.u_zd[joint], out.u_mpc[joint] = horizon.u[0, j], u_mpc[j]
+        out.u_total[joint] = m.torque[joint] = horizon.u[0, j] + u_mpc[j]  # Eq. (23)
+        out.y[j], out.dy[j] = horizon.y[0, j], horizon.dy[0, j]
+    force = applied(horizon.force_per_torque[0], u_mpc)  # Eq. (20)
+    out.contact_force[0], out.contact_force[1] = horizon.force[0, 0] + force[0], horizon.force[0, 1] + force[1]
+    out.theta, out.dtheta = horizon.clock[0], horizon.clock[1]
+    out.s = (horizon.clock[0] - p.loop.gait.theta_start) / p.loop.gait.theta_span
+    out.impact_in = -1
+    for k in range(horizon.exchange.shape[0]):
+        if horizon.exchange[k]:
+            out.impact_in = k + 1
+            break
+    out.residuals[0], out.residuals[1], out.residuals[2] = checks[0], checks[1], checks[2]
+    out.slack, out.active, out.iterations = checks.slack, checks.active, sweeps
+    out.followed = 0.0
+    out.status, out.stance, out.fallback = OPTIMAL, m.leg, 0
+    return True, hard
 
 
 def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: Friction | None) -> StageQP:

@@ -37,6 +37,12 @@ def _within(a, bound):  # type: ignore[no-untyped-def]
     return True
 
 
+@compiled
+def within_reason(x: Array, force: Array) -> bool:
+    """Whether states and forces of a prediction stayed finite and within reason; those of a fallen walker need not."""
+    return _within(x[-1], np.inf) and _within(force.ravel(), ABSURD)
+
+
 class Horizon(NamedTuple):
     """What the closed loop does over N stages if the MPC stays silent, each stage in its own stance order.
 
@@ -78,7 +84,7 @@ class Horizon(NamedTuple):
     @property
     def is_finite(self) -> bool:
         """Whether the prediction stayed finite and within reason; that of a fallen walker need not."""
-        return bool(_within(self.x[-1], np.inf) and _within(self.force.ravel(), ABSURD))
+        return bool(within_reason(self.x, self.force))
 
     def outputs_under(self, u: Vector) -> Vector:
         """Outputs y_k + T/2 w_k under MPC torques, Eq. (15), in [rad], (N + 1, 4).

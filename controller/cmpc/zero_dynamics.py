@@ -1,8 +1,16 @@
 """ZD+PD: feedback linearisation of the outputs with a PD law on top, and the controller made of it alone."""
 
+from typing import Any
+
+import numpy as np
+
 from controller.belief import Law, Loop
 from controller.belief.closed_loop import ZeroDynamicsStep, zero_dynamics
-from controller.records import ControlStep, Observation, Status, Vector
+from controller.belief.kernels import N_Q, N_U
+from controller.belief.stance import calm, take
+from controller.compiled import compiled
+from controller.held import Held, held
+from controller.records import ControlStep, Observation, Rows, Status, Vector, observation_of, write_step
 
 
 def zero_dynamics_pd(loop: Loop, q: Vector, dq: Vector) -> ZeroDynamicsStep:
@@ -19,8 +27,37 @@ def zero_dynamics_pd(loop: Loop, q: Vector, dq: Vector) -> ZeroDynamicsStep:
     return step
 
 
+ZD_PD = list(Status).index(Status.ZD_PD)
+
+
+@compiled
+def decide(loop: Any, memory: Any, seen: Any, step: Any, i: int) -> bool:
+    """Fill row `i` of `step` from that of `seen` where no foot lands and no impact lasts; whether that is so."""
+    if not calm(memory, seen[i]):
+        return False
+    q, dq = np.empty(N_Q), np.empty(N_Q)
+    take(memory, seen[i], q, dq)
+    those = held(loop)
+    zd = zero_dynamics(those, q, dq)
+    m, out = memory[0], step[i]
+    for joint in range(N_U):
+        out.u_total[joint ^ m.leg] = out.u_zd[joint ^ m.leg] = m.torque[joint ^ m.leg] = zd.u[joint]
+        out.u_mpc[joint] = 0.0
+        out.y[joint], out.dy[joint] = zd.y[joint], zd.dy[joint]
+    out.theta, out.dtheta = zd.theta, zd.dtheta
+    out.s = (zd.theta - those.gait.theta_start) / those.gait.theta_span
+    out.contact_force[0], out.contact_force[1] = zd.contact_force[0], zd.contact_force[1]
+    out.residuals[:] = 0.0
+    out.slack = out.solve_s = out.followed = 0.0
+    out.impact_in, out.iterations, out.active = -1, 0, 0
+    out.status, out.stance, out.fallback = ZD_PD, m.leg, 0
+    return True
+
+
 class ZeroDynamicsController(Law):
     """The paper's first layer on its own (`zd-pd`)."""
+
+    _held: Held | None = None
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick: which leg stands, then Eq. (7)."""
@@ -40,3 +77,13 @@ class ZeroDynamicsController(Law):
                 status=Status.ZD_PD,
             )
         )
+
+    def decide(self, seen: Rows, step: Rows, i: int) -> None:
+        """The same from row to row: in compiled code, but for the few ticks around a landing."""
+        if self._held is None or self._held.value is not self.loop:
+            self._held = Held(self.loop)
+        if not decide(self._held, self.stance.memory, seen, step, i):
+            write_step(step[i], self.step(observation_of(seen[i])))
+
+    def plan(self) -> None:
+        """There is none."""

@@ -46,7 +46,12 @@ class State(NamedTuple):
 
 
 class RiccatiSolver:
-    """Solves every tick's problem; one that it cannot settle goes to the next solver in line, and is counted."""
+    """Solves every tick's problem; one that it cannot settle goes to the next solver in line, and is counted.
+
+    Attributes:
+        state: What it keeps between ticks.
+        hard: Whether the last tick needed the interior-point method.
+    """
 
     def __init__(self, N: int, r: int, fallbacks: tuple[Solver, ...]) -> None:
         """Make room.
@@ -65,16 +70,16 @@ class RiccatiSolver:
         N, r = self._N, self._r
         guess = Guess(np.zeros((N, 4), dtype=np.int8), np.zeros((N, r), dtype=np.bool_))
         u, w, gradient = np.zeros((3, N, 4))
-        self._state = State(guess, interior_point.new_point(N, r), u, w, gradient, new_factors(N))
-        self._hard = False
+        self.state = State(guess, interior_point.new_point(N, r), u, w, gradient, new_factors(N))
+        self.hard = False
 
     def solve(self, problem: StageQP) -> Solution:
         """Solve one tick's problem, starting from the answer to the last one."""
         started = time.perf_counter()
-        state = self._state
-        iterations, self._hard, checks = advance(problem, state, self._hard)
-        if not (checks.stationarity <= STATIONARY and checks.feasibility <= AT_BOUND):  # NaN counts as failed
-            return self._next_in_line(problem, started)
+        state = self.state
+        iterations, self.hard, checks = advance(problem, state, self.hard)
+        if not good(checks):
+            return self.next_in_line(problem, started)
         return Solution(
             found=True,
             u=state.u.copy(),
@@ -86,7 +91,8 @@ class RiccatiSolver:
             solve_s=time.perf_counter() - started,
         )
 
-    def _next_in_line(self, problem: StageQP, started: float) -> Solution:
+    def next_in_line(self, problem: StageQP, started: float) -> Solution:
+        """Hand a problem on that has taken since `started` in [s]."""
         self.reset()
         for solver in self._fallbacks:
             solution = solver.solve(problem)
@@ -94,6 +100,12 @@ class RiccatiSolver:
                 elapsed = time.perf_counter() - started
                 return dataclasses.replace(solution, status=Status.SECOND_SOLVER, solve_s=elapsed)
         return failed(self._N, Status.NO_SOLUTION, time.perf_counter() - started)
+
+
+@compiled
+def good(checks: Residuals) -> bool:
+    """Whether an answer may be used; NaN is not."""
+    return checks.stationarity <= STATIONARY and checks.feasibility <= AT_BOUND
 
 
 @compiled

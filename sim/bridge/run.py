@@ -17,7 +17,7 @@ from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
 from controller.settings import BUILT_IN
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
-from sim.interface import LEGS, Controller, Observation, Plant, Vector
+from sim.interface import LEGS, OBSERVATION, STEP, Controller, Observation, Plant, RowController, Vector
 from sim.log import provenance
 from sim.log.write import Recorder, RunHeader
 from sim.loop import Course, FallCriteria, Loop, NoTape, Progress, RunSummary, Stop, Tape, Tapes
@@ -149,6 +149,10 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
     if announce and not on_disk(roll_out if isinstance(controller, CascadedMpc) else zero_dynamics):
         announce("compiling kernels, once, about 20 s")
     controller.step(observation)
+    if isinstance(controller, RowController):
+        seen, step = np.zeros(1, OBSERVATION), np.zeros(1, STEP)  # no foot in contact: none lands
+        seen["t"], seen["q"], seen["dq"] = observation.t + 1.0, observation.q, observation.dq
+        controller.decide(seen, step, 0)
 
 
 def run_scenario(

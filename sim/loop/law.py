@@ -1,12 +1,11 @@
 """Any controller as the loop asks it: from a row of what is seen to a row of what is done."""
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
-from sim.interface import Controller, Plan, RowController, Rows, Vector
-from sim.loop.ticks import Ticks, observation_of, write_step
+from sim.interface import Controller, Plan, RowController, Rows, Vector, observation_of, write_step
+from sim.loop.ticks import Ticks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,4 +62,4 @@ class Recorded:
 
 def rows_law(controller: Controller, ticks: Ticks) -> "RowController | Recorded":
     """The controller itself where it decides from row to row."""
-    return cast(RowController, controller) if hasattr(controller, "decide") else Recorded(controller, ticks)
+    return controller if isinstance(controller, RowController) else Recorded(controller, ticks)

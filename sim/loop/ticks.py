@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sim.interface import (
     LEGS,
     OBSERVATION,
+    PLAIN,
     STATE,
     STEP,
     AppliedForce,
@@ -19,10 +20,10 @@ from sim.interface import (
     PlantState,
     Rows,
     Status,
+    observation_of,
 )
 
 STATUSES = tuple(Status)
-STATUS_CODES = {status: code for code, status in enumerate(STATUSES)}
 
 JUDGED = np.dtype(
     [
@@ -116,15 +117,9 @@ class Ticks:
         return state, observation_of(self.seen[row]), step_of(self.step[row], self.texts.get(k), frame.plan)
 
 
-def observation_of(row: np.void) -> Observation:
-    """A row of `OBSERVATION` as a record, a copy."""
-    left, right = row["contact"].tolist()
-    return Observation(t=float(row["t"]), q=row["q"].copy(), dq=row["dq"].copy(), contact=(left != 0, right != 0))
-
-
 def step_of(row: np.void, status: str | None = None, plan: Plan | None = None) -> ControlStep:
     """A row of `STEP` as a record, a copy; status and plan are what the row does not hold."""
-    values = {name: row[name].copy() if row[name].shape else row[name].item() for name in _PLAIN}
+    values = {name: row[name].copy() if row[name].shape else row[name].item() for name in PLAIN}
     return ControlStep(
         stance=LEGS[row["stance"]],
         status=STATUSES[row["status"]] if status is None else status,  # type: ignore[arg-type]
@@ -132,16 +127,3 @@ def step_of(row: np.void, status: str | None = None, plan: Plan | None = None) -
         plan=plan,
         **values,
     )
-
-
-def write_step(row: np.void, step: ControlStep) -> bool:
-    """Fill a row of `STEP` from a record; whether its status is one of `Status`."""
-    for name in _PLAIN:
-        row[name] = getattr(step, name)
-    row["stance"], row["fallback"] = LEGS.index(step.stance), step.fallback
-    code = STATUS_CODES.get(step.status)
-    row["status"] = code or 0
-    return code is not None
-
-
-_PLAIN = tuple(name for name in STEP.names or () if name not in ("stance", "status", "fallback"))

@@ -25,6 +25,7 @@ from sim.interface import (
     PlantState,
     Rows,
     Vector,
+    observation_of,
 )
 from sim.plant.build import build_spec, compile_spec
 from sim.plant.kinematics import LegGeometry
@@ -136,9 +137,7 @@ class Body(ABC):
     def observe(self) -> Observation:
         """What ideal sensors read now."""
         self.look(self._state, self._seen, 0)
-        row = self._seen[0]
-        left, right = (bool(flag) for flag in row["contact"])
-        return Observation(t=float(row["t"]), q=row["q"].copy(), dq=row["dq"].copy(), contact=(left, right))
+        return observation_of(self._seen[0])
 
     def hold(self, u: Vector, forces: Sequence[AppliedForce] = ()) -> None:
         """Hold a commanded torque and external forces for one control period.

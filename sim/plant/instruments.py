@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interface import STEP, AppliedForce, Observation, Plant, Rows, Vector
+from sim.interface import STEP, AppliedForce, Plant, Rows, Vector, observation_of
 from sim.plant.actuation import Actuation
 from sim.plant.sensors import Sensors
 
@@ -40,9 +40,7 @@ class InstrumentedPlant:
         """The truth now, and what the sensors tell of it; to be called once a tick."""
         self._plant.look(state, seen, i)
         row = seen[i]
-        left, right = row["contact"].tolist()
-        truth = Observation(t=float(row["t"]), q=row["q"].copy(), dq=row["dq"].copy(), contact=(left != 0, right != 0))
-        told = self._sensors.read(truth)
+        told = self._sensors.read(observation_of(row))
         row["q"], row["dq"], row["contact"] = told.q, told.dq, told.contact
 
     def move(self, step: Rows, i: int, acting: NDArray[np.bool_]) -> None:
