@@ -59,6 +59,8 @@ def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None
     Raises:
         UserError: unknown solver, or no gait library where gaits are fitted.
     """
+    if settings.knows != belief.model.known:
+        belief = dataclasses.replace(belief, model=belief.model.knowing(settings.knows))
     if settings.kind == "c-mpc":
         law: Law | Guarded = _c_mpc(settings, belief, solver)
     elif settings.kind in BUILT_IN:

@@ -157,6 +157,23 @@ class OutputMpcSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """Which of a walker's properties beyond masses, lengths and damping its controller knows; the plant has them all.
+
+    Attributes:
+        rotor_inertia: Whether it knows the rotor inertia.
+        com_across: Whether it knows how far the centres of mass are off their links' axes.
+        springs: Whether it knows the springs in the joints.
+        friction: Whether it knows the dry friction of the joints and feeds it forward.
+    """
+
+    rotor_inertia: bool = True
+    com_across: bool = True
+    springs: bool = True
+    friction: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
     """The controller and its beliefs; joint gains are ordered stance hip, swing hip, stance knee, swing knee.
 
@@ -180,6 +197,7 @@ class ControllerSettings:
         clf: Tuning of clf-qp.
         output_mpc: Tuning of output-mpc.
         gait_fitting: Which gait to follow.
+        knows: What of the walker it knows.
     """
 
     kind: Kind = BUILT_IN[0]
@@ -197,6 +215,7 @@ class ControllerSettings:
     clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
     output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
     gait_fitting: FittingSettings = dataclasses.field(default_factory=FittingSettings)
+    knows: Known = dataclasses.field(default_factory=Known)
 
     @classmethod
     def read_as(cls, table: Mapping[str, Any]) -> tuple[type["ControllerSettings"], Mapping[str, Any]]:

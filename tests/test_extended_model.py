@@ -11,9 +11,12 @@ from conftest import RABBIT
 
 from controller.belief import Loop, WalkerModel, kernels
 from controller.belief.closed_loop import zero_dynamics
-from controller.belief.model import Joints, Known, lump
+from controller.belief.model import Joints, lump
 from controller.design import orbit_kernels
+from controller.design.orbit import periodic_orbit
+from controller.design.requirements import Requirements, margins
 from controller.errors import UserError
+from controller.settings import Known
 
 MOTOR = (
     "<transmission name='{0}'><joint name='{0}'/><actuator name='{0}'>"
@@ -168,6 +171,27 @@ def test_numbers_that_can_not_be(file, tmp_path, old, new, words):
     for word in words:
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_design_keeps_joint_stops(file, gait):
+    model = WalkerModel(file)
+    model.low, model.high = np.array([2.0, 2.0, -1.0, -1.0]), np.array([np.inf, np.inf, 0.0, 0.0])
+    orbit = periodic_orbit(model, gait)
+    need = Requirements(step_length=0.4, speed=0.8)
+    kept = {m.name: m for m in margins(model, gait, orbit, need)}["joint stops"]
+    q = orbit.q[:, :4]
+    assert kept.worst == pytest.approx(min((q[:, :2] - 2.0).min(), (q[:, 2:] + 1.0).min(), -q[:, 2:].max()))
+    assert "2 to inf rad" in kept.legal and kept.values.size == 6 * orbit.s.size
+    free = WalkerModel(RABBIT / "rabbit.urdf")
+    assert "joint stops" not in {m.name for m in margins(free, gait, periodic_orbit(free, gait), need)}
+
+
+def test_a_controller_knows_what_it_is_told(file):
+    model = WalkerModel(file)
+    assert model.knowing(Known()) is model
+    blind = model.knowing(Known(rotor_inertia=False, friction=True))
+    assert not blind.lumped.rotor.any() and blind.lumped.friction.all() and model.lumped.rotor.any()
+    assert blind.fingerprint == model.fingerprint
 
 
 def test_links_are_plain_records(model):

@@ -7,6 +7,7 @@ half its inertia times the square of its joint's rate to the kinetic energy. See
 the equations of motion.
 """
 
+import copy
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,7 @@ from controller.belief import kernels, urdf
 from controller.errors import UserError
 from controller.products import product
 from controller.records import Vector
+from controller.settings import Known
 
 JOINT_NAMES = ("left_hip", "left_knee", "right_hip", "right_knee")
 COORDINATES = ("hip_x", "hip_z", "torso", "left_hip", "left_knee", "right_hip", "right_knee")
@@ -77,23 +79,6 @@ class Joints:
     friction: Vector = field(default_factory=_none)
     stiffness: Vector = field(default_factory=_none)
     rest: Vector = field(default_factory=_none)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
-    """Which of a walker's properties beyond masses, lengths and damping its controller knows.
-
-    Attributes:
-        rotor_inertia: Rotor inertia.
-        com_across: Centres of mass off their links' axes.
-        springs: Springs in the joints.
-        friction: Dry friction, fed forward by every law.
-    """
-
-    rotor_inertia: bool = True
-    com_across: bool = True
-    springs: bool = True
-    friction: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,6 +146,15 @@ class WalkerModel:
         self.low = of("low", "lower limit", "rad", above=False)
         self.high = of("high", "upper limit", "rad", above=False)
         self.lumped = lump(self.torso, self.femur, self.tibia, self.joints, gravity, known)
+
+    def knowing(self, known: Known) -> "WalkerModel":
+        """The same walker as another controller knows it."""
+        if known == self.known:
+            return self
+        other = copy.copy(self)
+        other.known = known
+        other.lumped = lump(self.torso, self.femur, self.tibia, self.joints, self.lumped.gravity, known)
+        return other
 
     @property
     def damping(self) -> Vector:

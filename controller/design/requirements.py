@@ -7,7 +7,7 @@ import numpy as np
 from controller.belief import Gains, Gait, WalkerModel
 from controller.design.orbit import Orbit
 from controller.design.transverse import transverse_eigenvalues
-from controller.records import NORMAL, STANCE_KNEE, SWING_KNEE, TANGENTIAL, TORSO, Vector
+from controller.records import ACTUATED, NORMAL, STANCE_KNEE, SWING_KNEE, TANGENTIAL, TORSO, Vector
 
 KNEES = [STANCE_KNEE, SWING_KNEE]
 HIGH, RATE = 1, 2  # columns of `Orbit.foot`
@@ -195,7 +195,20 @@ def margins(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) ->
             values=one(orbit.lift_off),
             legal="0 m/s or upward",
         ),
+        *_stops(model, orbit),
     )
+
+
+def _stops(model: WalkerModel, orbit: Orbit) -> tuple[Margin, ...]:
+    """The walker's joint stops, where it has any."""
+    q = orbit.q[:, ACTUATED]
+    gaps = np.concatenate([(q - model.low).ravel(), (model.high - q).ravel()])
+    gaps = gaps[np.isfinite(gaps)]
+    if not gaps.size:
+        return ()
+    hips, knees = (f"{model.low[k]:.4g} to {model.high[k]:.4g} rad" for k in (0, 2))
+    legal = f"hips {hips}, knees {knees}"
+    return (Margin(name="joint stops", unit="rad", scale=0.5, values=gaps, legal=legal),)
 
 
 def largest_transverse(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) -> float:
