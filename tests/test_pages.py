@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim import pages
+from sim.pages.packing import packed
 from sim.pages.picture import INK, picture
 from sim.reproduce import report
 from sim.reproduce.panels import Level, LinePanel, MapPanel, Series, Span
@@ -108,3 +109,20 @@ def test_a_browser_draws_every_panel_of_a_reproduction(page, tmp_path):
         assert browser.run("drawn[0].view.to - drawn[0].view.from") == pytest.approx(0.3 * before, rel=0.2)
         assert browser.complaints == []
         assert [url for url in browser.requests if not url.startswith(("file:", "data:"))] == []
+
+
+def test_packed_numbers_are_right_to_their_digits_and_a_browser_reads_them(tmp_path):
+    rng = np.random.default_rng(0)
+    rows = np.vstack((np.cumsum(rng.normal(size=500)), 1e3 * rng.normal(size=500), np.zeros(500)))
+    rows[0, 10:20], rows[1, 3] = np.nan, -1e30
+    for bits, right in ((15, 2.0**-16), (22, 2.0**-23)):
+        page = tmp_path / f"{bits}.html"
+        script = pages.page._environment().from_string('<script>{{ asset("plot.js") }}</script>').render()
+        page.write_text(f"{script}<script>document.documentElement.dataset.ready = 1</script>")
+        with Browser(tmp_path / f"profile{bits}", 300, 200) as browser:
+            browser.open(page)
+            plain = "rows => rows.map(row => Array.from(row, v => isNaN(v) ? null : v))"
+            code = f"unpacked({json.dumps(packed(rows, bits=bits))}).then({plain})"
+            read = np.array(browser.run(code), dtype=float)
+        assert (np.isnan(read) == np.isnan(rows)).all()
+        assert np.nanmax(np.abs(read - rows) / np.maximum(np.abs(rows), 1e-30)) <= 1.01 * right + 2.0**-24

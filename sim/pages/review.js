@@ -4,18 +4,16 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const by = (id) => document.getElementById(id);
 const element = (tag, text, cls) => { const e = document.createElement(tag); if (text != null) e.textContent = text; if (cls) e.className = cls; return e; };
 
-const source = (raw, name) => ({ name, t: floats(raw.t), columns: Object.fromEntries(Object.entries(raw.columns).map(([k, v]) => [k, floats(v)])) });
-const runs = data.runs.map((run, i) => ({
-  ...run,
-  source: source(run.data, "AB"[i]),
-  frames: { ...run.frames, t: floats(run.frames.t), rows: floats(run.frames.rows), pushes: { t: floats(run.frames.pushes.t), rows: floats(run.frames.pushes.rows) } },
-  horizon: run.horizon && { ...run.horizon, t: floats(run.horizon.t), values: floats(run.horizon.values) },
-}));
-const gap = data.difference && source(data.difference, "B − A");
+const source = async (raw, name) => { const [t] = await unpacked(raw.t), rest = await unpacked(raw.numbers); return { name, t, columns: Object.fromEntries(raw.keys.map((key, i) => [key, rest[i]])) }; };
+const read = async (run, i) => {
+  const [t, ...rows] = await unpacked(run.frames.numbers), [when, ...pushes] = run.frames.pushes.numbers ? await unpacked(run.frames.pushes.numbers) : [[]];
+  const ahead = run.horizon && (await unpacked(run.horizon.numbers));
+  return { ...run, source: await source(run.data, "AB"[i]), frames: { t, rows, pushes: { t: when, rows: pushes } }, horizon: ahead && { ...run.horizon, t: (await unpacked(run.horizon.t))[0], values: ahead } };
+};
 
 const app = {
-  runs, t: 0, hover: null, drag: null, playing: false, speed: 1, mode: "overlay", clip: true, plots: [],
-  end: Math.max(...runs.map((run) => run.end)),
+  runs: [], t: 0, hover: null, drag: null, playing: false, speed: 1, mode: "overlay", clip: true, plots: [],
+  end: Math.max(...data.runs.map((run) => run.end)),
   view: { from: 0, to: 1 },
   sources: () => (app.mode === "difference" ? [gap] : runs.map((run) => run.source)),
   events: () => runs[0].events,
@@ -126,7 +124,11 @@ function controls() {
   });
 }
 
-function start() {
+let runs = [], gap = null;
+
+async function start() {
+  runs = app.runs = await Promise.all(data.runs.map(read));
+  gap = data.difference && (await source(data.difference, "B − A"));
   const asked = new URLSearchParams(location.hash.slice(1));
   app.chosen = document.documentElement.dataset.theme = asked.get("theme") || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   app.view = { from: 0, to: app.end || 1 };

@@ -10,10 +10,10 @@ class Figure {
 
   /* Frame of a run at time t, between two rows. */
   frame(run, t) {
-    const { t: times, rows, width } = run.frames, i = before(times, t), j = Math.min(i + 1, times.length - 1);
-    const span = times[j] - times[i], part = span > 0 ? Math.min(1, Math.max(0, (t - times[i]) / span)) : 0, out = new Array(width);
-    for (let c = 0; c < width; c++) {
-      const a = rows[i * width + c], b = rows[j * width + c];
+    const { t: times, rows } = run.frames, i = before(times, t), j = Math.min(i + 1, times.length - 1);
+    const span = times[j] - times[i], part = span > 0 ? Math.min(1, Math.max(0, (t - times[i]) / span)) : 0, out = new Array(rows.length);
+    for (let c = 0; c < rows.length; c++) {
+      const a = rows[c][i], b = rows[c][j];
       out[c] = c === Q.stance ? a : a + part * (b - a);
     }
     return out;
@@ -116,7 +116,7 @@ class Figure {
     });
     const p = run.frames.pushes, k = before(p.t, this.app.t);
     for (let i = k; i >= 0 && p.t.length && p.t[i] === p.t[k] && Math.abs(this.app.t - p.t[k]) < 0.02; i--) {
-      const [x, z, fx, fz] = p.rows.subarray(4 * i, 4 * i + 4), size = Math.hypot(fx, fz), most = Math.min(1, 1.2 / (size * PUSH_SCALE));
+      const [x, z, fx, fz] = p.rows.map((row) => row[i]), size = Math.hypot(fx, fz), most = Math.min(1, 1.2 / (size * PUSH_SCALE));
       const tip = [x + fx * PUSH_SCALE, z + fz * PUSH_SCALE], tail = [tip[0] - fx * PUSH_SCALE * most, tip[1] - fz * PUSH_SCALE * most];
       this.arrow(g, [X(tail[0]), Z(tail[1])], [X(tip[0]), Z(tip[1])], "push", `${Math.round(size)} N`);
     }

@@ -1,6 +1,5 @@
 """One HTML page from a log, or from two: everything in it, nothing fetched, nothing in it executed but ours."""
 
-import base64
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +11,17 @@ from sim.interface import LEGS
 from sim.log.format.fields import OUTPUTS
 from sim.log.read import Log
 from sim.log.read.frames import Run, run_of
+from sim.pages.packing import packed
 from sim.review import facts
 from sim.review.answer import answer
 from sim.review.panels import PANELS, Panel, diagnostics_panels
 from sim.review.signals import Signals, decimated, diagnostics_units, difference, signals_of
 
-MOST_SAMPLES = 12_000
-"""Samples of a signal; 10 s are there tick by tick. Two logs share them."""
+MOST_SAMPLES = 120_000
+"""Samples of a signal, which two logs share: a minute of each is there tick by tick."""
 MOST_FRAMES = 6_000
 MOST_PUSHES = 3
+HORIZON_BITS = 9  # dotted lines that are looked at, not read
 MOST_SPANS = 100
 FRAME_RATE = 100.0  # [1/s] of the figure
 
@@ -103,7 +104,9 @@ def _spans(signals: Signals) -> list[dict[str, Any]]:
 def _samples(signals: Signals, keys: set[str], most: int) -> dict[str, Any]:
     t, columns = decimated(signals, most)
     nothing = np.full(len(t), np.nan)  # figures that only the other log's controller gives
-    return {"t": _floats(t), "columns": {key: _floats(columns.get(key, nothing)) for key in sorted(keys)}}
+    order = sorted(keys)
+    rows = [columns.get(key, nothing) for key in order]
+    return {"keys": order, "t": packed(t, bits=22), "numbers": packed(rows)}
 
 
 def _frames(run: Run, signals: Signals) -> dict[str, Any]:
@@ -118,22 +121,21 @@ def _frames(run: Run, signals: Signals) -> dict[str, Any]:
         *(f"force.{leg}.{axis}" for leg in LEGS for axis in ("tangential", "normal")),
         "stance",
     ]
-    rows = np.column_stack([signals.columns[name][at] for name in names])
-    t = signals.t[at]
-    return {"t": _floats(t), "width": len(names), "rows": _floats(rows.ravel()), "pushes": _pushes(run)}
+    rows = [signals.t[at], *(signals.columns[name][at] for name in names)]
+    return {"numbers": packed(rows, bits=22), "pushes": _pushes(run)}
 
 
 def _pushes(run: Run) -> dict[str, Any]:
-    rows, times = [], []
+    rows = []
     for time_ns, scene in run.log.messages("/forces") if "/forces" in run.log.channels else ():
         for entity in [e for e in scene.entities if e.id.startswith("push")][:MOST_PUSHES]:
             if not entity.arrows:
                 continue
             force = {note.key: note.value for note in entity.metadata}
             tail = entity.arrows[0].pose.position
-            times.append(time_ns * 1e-9)
-            rows.append([tail.x, tail.z, _number(force.get("x [N]", "")), _number(force.get("z [N]", ""))])
-    return {"t": _floats(np.array(times)), "rows": _floats(np.array(rows).ravel())}
+            x, z = (_number(force.get(f"{axis} [N]", "")) for axis in "xz")
+            rows.append([time_ns * 1e-9, tail.x, tail.z, x, z])
+    return {"numbers": packed(np.array(rows).T, bits=22)} if rows else {}
 
 
 def _number(text: str) -> float:
@@ -144,7 +146,7 @@ def _number(text: str) -> float:
 
 
 def _horizon(run: Run) -> dict[str, Any] | None:
-    """The MPC's predictions as one array (time, series, stage)."""
+    """The MPC's predictions as rows, series by series and stage by stage."""
     frame = run.frames["/prediction"] if "/prediction" in run.frames else None
     if frame is None or not len(frame.t):
         return None
@@ -158,17 +160,12 @@ def _horizon(run: Run) -> dict[str, Any] | None:
     )  # (series, stage, time)
     keep = max(1, -(-len(frame.t) // MOST_FRAMES))
     return {
-        "t": _floats(frame.t[::keep]),
+        "t": packed(frame.t[::keep], bits=22),
         "series": [*OUTPUTS, "normal", "tangential"],
         "stages": stages,
         "period": float(frame["period"][0]) if "period" in frame else 0.0,
-        "values": _floats(cube.transpose(2, 0, 1)[::keep].ravel()),
+        "numbers": packed(cube.reshape(-1, len(frame.t))[:, ::keep], bits=HORIZON_BITS),
     }
-
-
-def _floats(values: Any) -> str:
-    """Little-endian float32 as base64; JavaScript reads it as a Float32Array."""
-    return base64.b64encode(np.asarray(values).astype("<f4").tobytes()).decode("ascii")
 
 
 def write_page(logs: list[Log], target: Path) -> None:
