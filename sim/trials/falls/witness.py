@@ -43,6 +43,8 @@ SUNK = 1e-3  # [m] of a foot below the ground at the start; the gait's own start
 AT_ONCE = 0.1  # [s] within which a foot that began in the ground explains a fall
 EARLY = 0.85  # of the normalised clock, below which a landing is too early
 STUCK = 1.5  # [s] without a step
+FADES = 3  # steps in a row that lose energy
+SETTLES = 0.9  # a settling walk loses in the last of them less than this share of what it lost in the first
 SOON = 1.0  # [s] after the start within which a fall can be that of a foot that began in the ground
 
 WEAK = 0.6  # part of the torque asked for that a joint gets, below which its motor counts as failing
@@ -81,6 +83,8 @@ class Witness(NoTape):
         self._t = 0.0  # [s]
         self._s = self._landed_s = 1.0
         self._sunk = 0.0  # [m]
+        self._clock = 0.0  # [rad/s]
+        self._landings: list[float] = []  # [rad/s] of the clock before each
 
     def ticks(self, ticks: Ticks) -> None:
         """Remember some."""
@@ -101,12 +105,25 @@ class Witness(NoTape):
         )  # fmt: skip
         self._ticks += n
         self._t, self._s = float(t[-1]), float(step["s"][-1])
+        self._clock = float(step["dtheta"][-1])
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Follow the stance foot from landing to landing."""
         if name == "impact":
             self._stance = 1 - self._stance
             self._landed, self._due, self._landed_s = self._t + self._period, math.inf, self._s
+            self._landings.append(self._clock)
+
+    @property
+    def fading(self) -> bool:
+        """Whether the walk loses energy step by step, so that it would stop if it went on.
+
+        Before each landing the posture is the same but for errors, and the clock's rate stands for the energy. It
+        must be lower at each of the last landings than at the one before, and not fall ever more slowly, as it does
+        where a walk settles.
+        """
+        falls = -np.diff(self._landings[-FADES - 1 :])
+        return len(falls) == FADES and bool((falls > 0.0).all() and falls[-1] >= SETTLES * falls[0])
 
     def verdict(self, limits: Vector) -> tuple[Cause, Evidence]:
         """What broke, in a run that fell.

@@ -1,18 +1,24 @@
-"""Margin study: how far along an axis, up and down, is survived, by bracketed bisection.
+"""Margin study: how far along an axis, up and down, is survived; what is mixed beyond; where all that was tried falls.
 
 The values of an axis are a lattice around the nominal one, as wide as the tolerance, so that a value is a
 trial index and the search needs no memory but the results: the next trials follow from those there are.
+
+Bisection finds an edge, and edges of walking are blurred: values below the one it finds fall, values above it are
+survived. So the search then looks closely, value by value, below the lowest fall until `look` values in a row are
+survived, and beyond the largest survivor until as many fall.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
-from controller.units import AT_LEAST_ONE, POSITIVE, Unit
+from controller.units import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, Radian, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan.axis import label, spec_of
+
+T = TypeVar("T")
 
 MOST_POINTS = 1_000_000  # lattice points of an axis
 
@@ -32,6 +38,8 @@ class MarginAxis:
         scale: Whether values are spaced evenly, or by equal ratios.
         scan: Values tried on each side before the bisection, evenly spread up to the limit; they find
             survival that comes back beyond a fall.
+        look: Values in a row that must be survived below the lowest fall, and fall beyond the largest survivor, before
+            the search ends; 0 to believe the bisection.
         typical: Deviation from nominal to expect of a real machine, by which axes are compared; 0 for
             none; a ratio above 1 on a "log" scale.
     """
@@ -45,6 +53,7 @@ class MarginAxis:
     tolerance: Annotated[float, POSITIVE]
     scale: Literal["linear", "log"] = "linear"
     scan: Annotated[int, Unit("values"), AT_LEAST_ONE] = 3
+    look: Annotated[int, Unit("values"), NOT_NEGATIVE] = 8
     typical: float = 0.0
 
     @property
@@ -70,19 +79,36 @@ class MarginStudy:
 
     Attributes:
         name: Name in tables and plots.
+        draws: Trials of every value: the first as the plan says, each other one with small random offsets of the
+            first joint and torso angles. A value is survived where all are; their share is the probability of walking.
+        blur: Standard deviation of these offsets.
         axes: The axes.
     """
 
     name: str = "margin"
+    draws: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 1
+    blur: Annotated[Radian, POSITIVE] = 1e-4
     axes: tuple[MarginAxis, ...] = ()
 
     @property
     def size(self) -> int:
         """Number of trials that could be asked for, for each controller; far fewer are."""
+        return self.draws * self.lattice
+
+    @property
+    def lattice(self) -> int:
+        """Number of values of all axes."""
         return sum(high - low + 1 for low, high in (axis.ends for axis in self.axes))
+
+    def draw(self, index: int) -> int:
+        """Which draw of its value a trial is; 0 is undisturbed."""
+        return index // self.lattice
 
     def place(self, index: int) -> tuple[int, int]:
         """Axis number and lattice position of a trial, index from 0."""
+        if not 0 <= index < self.size:
+            raise IndexError(index)
+        index %= self.lattice
         for number, axis in enumerate(self.axes):
             low, high = axis.ends
             if index <= high - low:
@@ -91,9 +117,24 @@ class MarginStudy:
         raise IndexError(index)
 
     def first_index(self, number: int) -> int:
-        """Index of the nominal trial of an axis."""
+        """Index of the nominal trial of an axis, its first draw."""
         before = sum(high - low + 1 for low, high in (axis.ends for axis in self.axes[:number]))
         return before - self.axes[number].ends[0]
+
+    def by_position(self, number: int, known: Callable[[int, int], Iterable[tuple[int, T]]]) -> dict[int, list[T]]:
+        """What is known of the trials of an axis, by lattice position, draw after draw.
+
+        Args:
+            number: Of the axis.
+            known: What is known of the trials from one index on to before another, with their indices.
+        """
+        low, high = self.axes[number].ends
+        found: dict[int, list[T]] = {}
+        for draw in range(self.draws):
+            zero = self.first_index(number) + draw * self.lattice
+            for index, value in known(zero + low, zero + high + 1):
+                found.setdefault(index - zero, []).append(value)
+        return found
 
     def check(self, base: Scenario) -> None:
         """Refuse axes that are not legal.
@@ -149,9 +190,14 @@ def next_positions(axis: MarginAxis, side: int, survived: Mapping[int, bool]) ->
     if missing:
         return missing
     held, fell = bracket(side, survived)
-    if held is None or fell is None or abs(fell - held) <= 1:
+    if held is not None and fell is not None and abs(fell - held) > 1:
+        return [(held + fell) // 2 if side > 0 else -((-held - fell) // 2)]
+    if held is None or fell is None:
         return []
-    return [(held + fell) // 2 if side > 0 else -((-held - fell) // 2)]
+    top = max((abs(p) for p, ok in survived.items() if ok and p * side > 0), default=0)  # largest survivor
+    below = range(max(1, abs(fell) - axis.look), abs(fell))
+    beyond = range(top + 1, min(abs(limit), top + axis.look) + 1)
+    return [side * p for p in (*below, *beyond) if side * p not in survived]
 
 
 def bracket(side: int, survived: Mapping[int, bool]) -> tuple[int | None, int | None]:
@@ -175,6 +221,9 @@ class Margin:
         reason: Why it falls.
         again: Values beyond the first fall that are survived: survival is not monotone on this side.
         trials: Number of trials it took.
+        beyond: Least value tried such that it and every larger one tried fall; None if the largest is survived.
+        mixed: From the first fall to the last survivor beyond it, (trials survived, trials); (0, 0) for a clean edge.
+        rates: Share of trials survived by value tried, from the nominal one outwards.
     """
 
     value: float | None
@@ -183,24 +232,35 @@ class Margin:
     reason: str
     again: tuple[float, ...]
     trials: int
+    beyond: float | None = None
+    mixed: tuple[int, int] = (0, 0)
+    rates: tuple[tuple[float, float], ...] = ()
 
 
-def margin(axis: MarginAxis, side: int, reasons: Mapping[int, str]) -> Margin:
+def margin(axis: MarginAxis, side: int, reasons: Mapping[int, Sequence[str]]) -> Margin:
     """The margin on one side of an axis.
 
     Args:
         axis: The axis.
         side: -1 below the nominal value, 1 above.
-        reasons: Why each trial fell by position, empty for one survived.
+        reasons: Why each trial fell by position, draw after draw, empty for one survived.
     """
-    here = {p: reason for p, reason in reasons.items() if p * side >= 0}
-    held, fell = bracket(side, {p: not reason for p, reason in here.items()})
-    again = [p for p, reason in here.items() if fell is not None and not reason and abs(p) > abs(fell)]
+    here = {p: reasons[p] for p in sorted(reasons, key=abs) if p * side >= 0}
+    held, fell = bracket(side, {p: not any(fates) for p, fates in here.items()})
+    walked = {p: sum(not reason for reason in fates) for p, fates in here.items()}
+    outside = [] if fell is None else [p for p in here if abs(p) >= abs(fell)]
+    again = [p for p in outside if walked[p]]
+    last = abs(again[-1]) if again else -1
+    beyond = next((p for p in outside if abs(p) > last), None)
+    mixed = [p for p in outside if abs(p) <= last]
     return Margin(
         value=None if held is None else axis.value(held),
         fell_at=None if fell is None else axis.value(fell),
         fell_position=fell,
-        reason="" if fell is None else here[fell],
-        again=tuple(axis.value(p) for p in sorted(again, key=abs)),
-        trials=len(here),
+        reason="" if fell is None else next(filter(None, here[fell])),
+        again=tuple(axis.value(p) for p in again),
+        trials=sum(len(fates) for fates in here.values()),
+        beyond=None if beyond is None else axis.value(beyond),
+        mixed=(sum(walked[p] for p in mixed), sum(len(here[p]) for p in mixed)),
+        rates=tuple((axis.value(p), walked[p] / len(fates)) for p, fates in here.items()),
     )

@@ -1,8 +1,9 @@
 """What the results of each study say: margins, grid lines, survival rates. No pictures, no pages."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
 from sim.trials.plan.axis import Value, label, spec_of
@@ -23,6 +24,7 @@ class Side:
         limit: Outermost value tried.
         margin: What it holds.
         fall: The first trial that falls, None if everything tried is held.
+        fading: Least value whose survivors lose energy step by step; None if none does.
     """
 
     axis: MarginAxis
@@ -32,6 +34,13 @@ class Side:
     limit: float
     margin: Margin
     fall: TrialResult | None
+    fading: float | None = None
+
+    @property
+    def mixed_interval(self) -> tuple[float, float] | None:
+        """Wilson's 95 % interval of the share that walks from the first fall to the last survivor; None if clean."""
+        walked, trials = self.margin.mixed
+        return stats.wilson(walked, trials) if trials else None
 
     @property
     def share(self) -> float:
@@ -69,16 +78,16 @@ def sides(results: Results, study: MarginStudy) -> Iterator[Side]:
     start = next(start for start, other in results.plan.offsets() if other is study)
     for number, axis in enumerate(study.axes):
         low, high = axis.ends
-        zero = start + study.first_index(number)
         for sign in (-1, 1):
             limit = low if sign < 0 else high
             if limit == 0:
                 continue
             for controller in results.plan.controllers:
-                trials = results.store.results(controller, zero + low, zero + high + 1)
-                rows = {row.trial - zero: row for row in trials}
-                if not next_positions(axis, sign, {position: row.survived for position, row in rows.items()}):
-                    found = margin(axis, sign, {position: row.why for position, row in rows.items()})
+                rows = study.by_position(number, _rows(results, controller, start))
+                done = {position: trials for position, trials in rows.items() if len(trials) == study.draws}
+                survived = {position: all(row.survived for row in trials) for position, trials in done.items()}
+                if not next_positions(axis, sign, survived):
+                    found = margin(axis, sign, {p: [row.why for row in trials] for p, trials in done.items()})
                     yield Side(
                         axis=axis,
                         unit=spec_of(axis, results.plan.scenario).unit,
@@ -86,8 +95,85 @@ def sides(results: Results, study: MarginStudy) -> Iterator[Side]:
                         sign=sign,
                         limit=axis.value(limit),
                         margin=found,
-                        fall=None if found.fell_position is None else rows[found.fell_position],
+                        fall=None if found.fell_position is None else _first_fall(done[found.fell_position]),
+                        fading=_fading(done, sign, axis),
                     )
+
+
+def _rows(results: Results, controller: str, start: int) -> Callable[[int, int], Iterator[tuple[int, TrialResult]]]:
+    """What `MarginStudy.by_position` asks for, of a study whose first trial is `start`."""
+
+    def known(first: int, end: int) -> Iterator[tuple[int, TrialResult]]:
+        rows = results.store.results(controller, start + first, start + end)
+        return ((row.trial - start, row) for row in rows if row.known)
+
+    return known
+
+
+def _fading(done: Mapping[int, Sequence[TrialResult]], sign: int, axis: MarginAxis) -> float | None:
+    """Least value with a survivor that loses energy step by step, None without one."""
+    found = [p for p, trials in done.items() if p * sign >= 0 and any(row.fading for row in trials)]
+    return axis.value(min(found, key=abs)) if found else None
+
+
+def _first_fall(trials: Sequence[TrialResult]) -> TrialResult:
+    return next(row for row in trials if not row.survived)
+
+
+def edge_words(side: Side) -> str:
+    """What can be stood for on a side: held up to where, mixed between what, falls beyond."""
+    m, unit = side.margin, f" {side.unit}" if side.unit not in ("", "1") else ""
+    if side.whole:
+        words = f"holds everything tried up to {side.limit:.4g}{unit}"
+    else:
+        held = "falls at the nominal value" if m.value is None else f"holds everything tried up to {m.value:.4g}{unit}"
+        words = f"{held}; {_mixed(side, unit)}"
+        words += (
+            f"falls at all tried from {m.beyond:.4g}{unit} on" if m.beyond is not None else "walks at the limit again"
+        )
+    if side.fading is not None:
+        words += f"; survivors lose energy step by step from {side.fading:.4g}{unit} on"
+    return words
+
+
+def _mixed(side: Side, unit: str) -> str:
+    """Where some walk and some fall, and the share that walks with its interval."""
+    m, interval = side.margin, side.mixed_interval
+    if interval is None or not m.again:
+        return ""
+    walked, trials = m.mixed
+    low, high = (100.0 * end for end in interval)
+    return (
+        f"mixed from {m.fell_at:.4g} to {m.again[-1]:.4g}{unit} ({walked} of {trials} walk, 95 %: {low:.0f} to "
+        f"{high:.0f} %); "
+    )
+
+
+def side_figures(side: Side) -> dict[str, Any]:
+    """What a side holds as plain values: `Margin`'s fields, the axis, how finely was looked, and the words."""
+    m, interval = side.margin, side.mixed_interval
+    walked, trials = m.mixed
+    return {
+        "axis": label(side.axis),
+        "unit": side.unit,
+        "controller": side.controller,
+        "direction": "up" if side.sign > 0 else "down",
+        "limit": side.limit,
+        "holds_up_to": side.limit if side.whole else m.value,
+        "first_fall": m.fell_at,
+        "mixed_to": m.again[-1] if m.again else None,
+        "mixed_walked": walked,
+        "mixed_trials": trials,
+        "mixed_interval": list(interval) if interval else None,
+        "falls_from": m.beyond,
+        "tolerance": side.axis.tolerance,
+        "scale": side.axis.scale,
+        "look": side.axis.look,
+        "trials": m.trials,
+        "rates": [list(pair) for pair in m.rates],
+        "fading_from": side.fading,
+        "words": edge_words(side),
+    }
 
 
 def weakest(found: Sequence[Side], controller: str) -> list[Side]:

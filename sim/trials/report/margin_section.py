@@ -19,6 +19,7 @@ def margin_section(results: Results, study: MarginStudy) -> dict[str, Any]:
     return {
         "kind": "margin",
         "unknown": sum(len(controllers) * sum(end != 0 for end in axis.ends) for axis in study.axes) - len(found),
+        "how_finely": _how_finely(study),
         "leads": [_lead(found, controller) for controller in controllers],
         "rows": list(_rows(found, study, controllers)),
     }
@@ -34,6 +35,21 @@ def _lead(found: Sequence[Side], controller: str) -> dict[str, Any]:
     words = f"holds {len(own) - len(order)} of {len(own)} sides as far as was tried"
     words += f", and {sum(e > 1.0 for e in rated)} of {len(rated)} beyond what is typical of a machine" if rated else ""
     return {"name": controller, "words": words + ".", "breaks": [side_words(side) for side in order[:FIRST]]}
+
+
+def _how_finely(study: MarginStudy) -> str:
+    """How closely the search looked at the edges."""
+    looks = sorted({axis.look for axis in study.axes})
+    values = str(looks[0]) if len(looks) == 1 else f"{looks[0]} to {looks[-1]}"
+    words = (
+        f"An edge is found by bisection to the accuracy of its axis, and looked at value by value until {values} in a "
+        "row walk below the lowest fall and as many fall beyond the largest survivor."
+    )
+    if study.draws > 1:
+        words += (
+            f" Every value is tried {study.draws} times, with starts {study.blur:g} rad apart; it holds if all walk."
+        )
+    return words
 
 
 def _rows(found: Sequence[Side], study: MarginStudy, controllers: Sequence[str]) -> Iterator[dict[str, Any]]:
@@ -58,7 +74,8 @@ def _held(here: Sequence[Side], controller: str) -> str:
         if side.controller == controller:
             value = "falls" if side.margin.value is None else f"{side.margin.value:.4g}"
             beyond = ("\u2264\u00a0" if side.sign < 0 else "\u2265\u00a0") if side.whole else ""
-            ends.append(beyond + value + (" *" if side.margin.again else ""))
+            again = side.margin.again
+            ends.append(beyond + value + (f" (mixed to {again[-1]:.4g})" if again else ""))
     return " to ".join(ends) or "-"
 
 

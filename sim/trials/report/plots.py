@@ -9,7 +9,7 @@ from sim.pages.palette import CAUSES, FELL, GREY, LIGHT, SURVIVED, colour
 from sim.pages.picture import INK, picture
 from sim.trials.plan.axis import Value, label
 from sim.trials.plan.grid import GridAxis
-from sim.trials.report.findings import RandomFindings, Side
+from sim.trials.report.findings import RandomFindings, Side, edge_words
 from sim.trials.report.stats import Attribution, wilson
 from sim.trials.run import TrialResult
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> "Markup":
     """One axis: a bar to either side for each controller, as long as the share of the tried range it holds.
 
-    A bar that ends in a line broke there; one that fills its track held all that was tried; a ring marks a
-    value that is survived beyond the first fall.
+    A bar that ends in a line broke there; one that fills its track held all that was tried; a pale bar goes on to the
+    last value survived beyond the first fall, and rings mark those that are.
     """
     with picture(f"margins of {label(sides[0].axis)}", 240, 6 + 14 * len(controllers), full=True) as made:
         axes = made.axes
@@ -30,6 +30,9 @@ def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> "Markup":
         for side in sides:
             row, width = controllers.index(side.controller), side.sign * min(1.0, side.share)
             made.title(axes.barh(row, width, color=colour(row))[0], side_title(side))
+            if side.margin.again:
+                last = side.sign * min(1.0, side.share_of(side.margin.again[-1]))
+                axes.barh(row, last - width, left=width, color=colour(row), alpha=0.35)
             if not side.whole:
                 axes.plot((width, width), (row - 0.5, row + 0.5), color=FELL, linewidth=2)
             at = [side.sign * side.share_of(again) for again in side.margin.again]
@@ -40,14 +43,9 @@ def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> "Markup":
 
 
 def side_title(side: Side) -> str:
-    """One side in words: what it holds, where and how it falls, whether survival comes back."""
-    m, unit = side.margin, side.unit
-    words = f"{side.controller}: "
-    words += "falls at the nominal value" if m.value is None else f"holds {m.value:.4g} {unit}"
-    words += "" if m.fell_at is None else f"; falls at {m.fell_at:.4g} {unit}: {m.reason}"
-    if m.again:
-        words += f"; survives again at {', '.join(f'{value:.4g}' for value in m.again)} {unit}"
-    return words
+    """One side in words: what it holds, what is mixed, where all falls, and how the first fall ended."""
+    reason = f"; first fall: {side.margin.reason}" if side.margin.reason else ""
+    return f"{side.controller}: {edge_words(side)}{reason}"
 
 
 def _rows(axes: Any, names: Sequence[str]) -> None:

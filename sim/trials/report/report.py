@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import heapq
 import html
+import json
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,7 @@ from sim.pages.palette import CAUSES, colour
 from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
 from sim.trials.plan.plan import to_toml
 from sim.trials.report.breaks import RULE, SHARE, SYMPTOMS, breaks
+from sim.trials.report.findings import side_figures, sides
 from sim.trials.report.grid_section import grid_section
 from sim.trials.report.margin_section import margin_section
 from sim.trials.report.random_section import random_section
@@ -29,7 +31,7 @@ MOST_FALLS = 100  # rows of the list of falls
 
 
 def write_report(results: Results, folder: Path) -> Path:
-    """Write report.html, breaks.html, results.csv and plots/ into a folder.
+    """Write report.html, breaks.html, results.csv, margins.json and plots/ into a folder.
 
     Args:
         results: What the campaign found.
@@ -44,6 +46,7 @@ def write_report(results: Results, folder: Path) -> Path:
     report, what_breaks = _report(results), _breaks(results)
     try:
         _write_csv(results, folder / "results.csv")
+        _write_margins(results, folder / "margins.json")
         pages.write(folder / REPORT, report)
         pages.write(folder / BREAKS, what_breaks)
         _write_plots(report + what_breaks, folder / "plots")
@@ -59,6 +62,17 @@ def _write_csv(results: Results, path: Path) -> None:
         table.writerow(names)
         for row in results:
             table.writerow([getattr(row, name) for name in names])
+
+
+def _write_margins(results: Results, path: Path) -> None:
+    """Every side of every margin study whose search is finished, as a list of objects."""
+    found = [
+        {"study": study.name, "draws": study.draws} | side_figures(side)
+        for study in results.plan.studies
+        if isinstance(study, MarginStudy)
+        for side in sides(results, study)
+    ]
+    path.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _write_plots(body: str, folder: Path) -> None:

@@ -6,7 +6,7 @@ import json
 from sim.log.tools.text import printable
 from sim.trials.plan import GridStudy, MarginStudy
 from sim.trials.plan.axis import label
-from sim.trials.report.findings import Rate, Side, grid_rows, random_findings, sides, weakest
+from sim.trials.report.findings import Rate, Side, edge_words, grid_rows, random_findings, sides, weakest
 from sim.trials.run import Results, TrialResult
 from sim.trials.run.store import Counts
 
@@ -111,8 +111,6 @@ def side_words(side: Side) -> str:
     if side.whole:
         return f"{where}: holds all that was tried"
     why = f"; {side.fall.cause}" if side.fall and side.fall.cause else ""
-    if side.margin.value is None:
-        return f"{where}: falls at the nominal value{why}"
     errors = side.typical_errors
-    times = f", {errors:.2g} times what is typical" if errors is not None else ""
-    return f"{where}: falls at {side.margin.fell_at:.4g} {side.unit}".rstrip() + times + why
+    times = f" (first fall {errors:.2g} times what is typical)" if errors is not None else ""
+    return f"{where}: {edge_words(side)}{times}{why}"

@@ -99,13 +99,18 @@ def pending(plan: Plan, store: Store) -> list[tuple[str, int]]:
 
 def _next_of_margin(study: MarginStudy, start: int, controller: str, store: Store) -> list[int]:
     found: dict[int, None] = {}
+
+    def known(first: int, end: int) -> Iterator[tuple[int, bool]]:
+        survivals = store.survivals(controller, start + first, start + end)
+        return ((index - start, ok) for index, ok in survivals.items())
+
     for number, axis in enumerate(study.axes):
-        low, high = axis.ends
-        zero = start + study.first_index(number)
-        survivals = store.survivals(controller, zero + low, zero + high + 1)
-        survived = {index - zero: ok for index, ok in survivals.items()}
+        fates = study.by_position(number, known)
+        survived = {position: all(oks) for position, oks in fates.items() if len(oks) == study.draws}
         for side in (-1, 1):
-            found |= dict.fromkeys(zero + position for position in next_positions(axis, side, survived))
+            for position in next_positions(axis, side, survived):
+                first = start + study.first_index(number) + position
+                found |= dict.fromkeys(first + draw * study.lattice for draw in range(study.draws))
     return list(found)
 
 

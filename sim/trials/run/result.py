@@ -33,6 +33,7 @@ class TrialResult:
         outcome: "completed", "fell", "error" for an exception or a lost process, or "gave up" for a trial that was
             stopped at its wall limit; the last two are no result.
         survived: Whether the steps asked for were completed.
+        fading: Whether it survived, but lost energy at each of its last steps: it would stop if it went on.
         message: Detail of an error.
         peak_torque_max_Nm: Largest applied torque of any joint in [N.m].
         torque_share_max: Largest share of a joint's limit that was applied.
@@ -56,6 +57,7 @@ class TrialResult:
     seed: int
     outcome: str
     survived: bool
+    fading: bool = False
     fall_reason: str = ""
     message: str = ""
     steps: int = 0

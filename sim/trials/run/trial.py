@@ -61,18 +61,27 @@ def axis_values(plan: Plan, index: int) -> tuple[str, dict[str, Value], dict[str
     """
     study, local = plan.study_of(index)
     base = plan.scenario
+    merged: dict[str, Any] = {}
     if isinstance(study, MarginStudy):
         number, position = study.place(local)
         axis = study.axes[number]
         pairs: list[tuple[Any, Value]] = [(axis, axis.value(position))]
+        merged |= _nudged(plan, study, index, study.draw(local))
     elif isinstance(study, GridStudy):
         pairs = list(zip(study.axes, study.point(local), strict=True))
     else:
         pairs = list(zip(study.axes, study.draw(plan.seed, local, base), strict=True))
-    merged: dict[str, Any] = {}
     for axis, value in pairs:
         merged |= changes(axis, value, base)
     return study.name, {label(axis): value for axis, value in pairs}, merged
+
+
+def _nudged(plan: Plan, study: MarginStudy, index: int, draw: int) -> dict[str, Any]:
+    """Changes of the start of a draw of a margin study, none for the first."""
+    if draw == 0:
+        return {}
+    offsets = np.random.default_rng(_sequence(plan, index)).normal(0.0, study.blur, 5)  # [rad]
+    return {"start.q_offset": tuple((np.array(plan.scenario.start.q_offset) + offsets).tolist())}
 
 
 def _sequence(plan: Plan, index: int) -> np.random.SeedSequence:
@@ -120,6 +129,7 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         witness = Witness(scenario.controller.period)
         summary, log = _run(scenario, spec, began + plan.wall_limit, witness)
         found = figures_of(summary) | _cause(summary, witness) | {"log": log}
+        found["fading"] = bool(found["survived"]) and witness.fading
     except Exception as error:
         if _disk_full(error):
             raise UserError(f"{spec.logs}: the disk is full; free some and give the same command again") from error
