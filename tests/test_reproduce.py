@@ -3,6 +3,7 @@
 import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,10 +25,12 @@ from sim.reproduce.experiments import (
     fig7,
     fig8,
     incline,
+    noise,
+    readings,
     table2,
 )
 from sim.reproduce.panels import LinePanel, Series, thinned
-from sim.reproduce.study import PLANTS, Effort, Evaluation, Finding, Verdict
+from sim.reproduce.study import PLANTS, Effort, Evaluation, Finding, Verdict, evaluation_of, tasks_of
 from sim.runner import Stopped, Task, TaskStore, run_tasks
 from sim.runner.tasks import work
 
@@ -96,8 +99,10 @@ def margins(zd: float, mpc: float) -> dict:
     return {
         f"{plant}/{controller}/margin/{step}": {
             "value": np.array(value),
+            "tripping": np.array(value),
             "tried": np.array([value]),
             "survived": np.array([True]),
+            "scuff": np.array([0.0]),
         }
         for plant in PLANTS
         for controller, value in (("zd-pd", zd), ("c-mpc", mpc))
@@ -126,7 +131,21 @@ def test_fig4_follows_its_data() -> None:
     fallen = fig4.evaluate(fig4_results(outcome=np.array(1)), Effort())
     assert holds(fallen, "rigid")[0] is False
     weak = fig4.evaluate(fig4_results() | margins(30.0, 20.0), Effort())
-    assert holds(weak, "mujoco")[4:] == [False] * 4
+    assert holds(weak, "mujoco")[4:] == [False] * 6
+
+
+def test_fig4_says_from_which_force_on_a_survivor_walks_through_the_ground() -> None:
+    results = fig4_results()
+    results["rigid/zd-pd/margin/1"] = {
+        "value": np.array(35.0),
+        "tripping": np.array(24.0),
+        "tried": np.array([20.0, 24.0, 35.0, 40.0]),
+        "survived": np.array([True, True, True, False]),
+        "scuff": np.array([0.0, 1e-3, 22e-3, 50e-3]),
+    }
+    found = fig4.evaluate(results, Effort()).verdicts
+    assert found[4].rigid == Finding(text="35 N, the swing foot in the ground from 24 N on, up to 22.0 mm", holds=False)
+    assert found[5].rigid == Finding(text="24 N", holds=True)
 
 
 def test_fig6_compares_the_windows_of_one_run() -> None:
@@ -135,6 +154,8 @@ def test_fig6_compares_the_windows_of_one_run() -> None:
             u_mpc = np.repeat(rms, 100)[:, None] * np.ones(4)
             n = len(u_mpc)
             landed = np.arange(100, n + 1, 100)
+            for k in landed[landed < n]:
+                u_mpc[k : k + 5] = 500.0  # an impact's, which do not count
             return {"t": np.arange(n) * 1e-3, "landed": landed, "u_mpc": u_mpc, "u_zd": np.full((n, 4), 20.0)}
 
         pushed = walked(before, 10.0, *[5.0] * 6, *[after] * 4)
@@ -166,17 +187,17 @@ def test_fig7_is_about_the_worst_ratio_away_from_impacts() -> None:
         force[spike_at, 0] = 500.0
         without = np.column_stack((np.full(1200, 90.0), np.full(1200, 100.0)))
         return {
-            f"{plant}/{name}": made_up_walk(force=f)
+            f"{plant}/{name}": made_up_walk(force=f, force_now=0.9 * f)
             for plant in PLANTS
             for name, f in (("with/0.6", force), ("without", without))
         }
 
     quick = Effort(quick=True)
-    assert holds(fig7.evaluate(results(0.59, 305), quick), "rigid") == [True, True]  # an impact's force
+    assert holds(fig7.evaluate(results(0.59, 305), quick), "rigid") == [True] * 3  # an impact's force
     over = fig7.evaluate(results(0.59, 450), quick)
-    assert holds(over, "rigid") == [False, True]
+    assert holds(over, "rigid") == [False, False, True]
     assert any("1 ticks above mu, the rows softened in 0" in note for note in over.notes)
-    assert holds(fig7.evaluate(results(0.7, 305), quick), "rigid") == [False, True]
+    assert holds(fig7.evaluate(results(0.7, 305), quick), "rigid") == [False, False, True]
 
 
 def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_other() -> None:
@@ -203,12 +224,28 @@ def test_table2_wants_the_paper_s_values_on_its_plant_and_its_verdicts_on_the_ot
                 found[f"{plant}/{controller}/{case}"] = entry
         return found
 
-    assert holds(table2.evaluate(results(0.745, 0.8, 2), Effort()), "rigid") == [True] * 5
-    assert holds(table2.evaluate(results(0.6, 0.8, 0), Effort()), "rigid") == [False, False, False, False, True]
-    assert holds(table2.evaluate(results(0.6, 0.8, 2), Effort()), "mujoco") == [True] * 5
-    assert holds(table2.evaluate(results(1.1, 1.2, 2), Effort()), "mujoco") == [False, False, True, True, False]
+    assert holds(table2.evaluate(results(0.745, 0.8, 2), Effort()), "rigid") == [True] * 7
+    assert holds(table2.evaluate(results(0.6, 0.8, 0), Effort()), "rigid") == [False] * 4 + [True, False, True]
+    assert holds(table2.evaluate(results(0.6, 0.8, 2), Effort()), "mujoco") == [True] * 7
+    assert holds(table2.evaluate(results(1.1, 1.2, 2), Effort()), "mujoco") == [
+        False,
+        False,
+        True,
+        True,
+        False,
+        True,
+        False,
+    ]
     noisy = table2.evaluate(results(0.75, 0.8, 2, noise=0.05), Effort())
-    assert holds(noisy, "rigid") == [False, False, True, True, True]  # 0.05 is more than 0.02, less than 0.1
+    assert holds(noisy, "rigid") == [
+        False,
+        False,
+        True,
+        True,
+        True,
+        True,
+        True,
+    ]  # 0.05 is more than 0.02, less than 0.1
     assert holds(table2.evaluate(results(0.75, 0.8, 2, noise=0.3), Effort()), "mujoco")[0] is False
 
 
@@ -224,15 +261,17 @@ def test_incline_says_when_a_foot_in_the_air_was_expected_to_land() -> None:
         )
         slopes = {"zd-pd": zd, "c-mpc": mpc}
         return {
-            name: walked if "/walk/" in name else {"value": np.array(slopes[name.split("/")[1]])}
+            name: walked
+            if "/walk/" in name or name.endswith("/slow")
+            else dict.fromkeys(("value", "tripping"), np.array(slopes[name.split("/")[1]]))
             for name in incline.tasks(Effort())
         }
 
     found = incline.evaluate(results(0.01, 0.04, 0.02), Effort())
-    assert holds(found, "rigid") == [True, True, False, False]
+    assert holds(found, "rigid") == [True, True, False, False, True]
     assert any("in 100 ticks its prediction lands" in note and "0.80 m/s" in note for note in found.notes)
     found = incline.evaluate(results(0.0, 0.01, 0.015), Effort())
-    assert holds(found, "mujoco") == [False, False, True, True]
+    assert holds(found, "mujoco") == [False, False, True, True, True]
     assert not any("touch-down is late" in note for note in found.notes)
 
 
@@ -245,13 +284,76 @@ def test_fig8_compares_areas_and_upper_boundaries() -> None:
             fate = np.zeros(5, dtype=int)
             top = last if last is not None and name.endswith(("torso/c-mpc/6", "q5/c-mpc/4")) else mpc_top
             fate[2 : zd_top if "zd-pd" in name else top] = 1
-            found[name] = {"fate": fate, "steps": 0 * fate}
+            scuff = np.full(len(fate), 2e-3 if "zd-pd" in name else 0.0)
+            found[name] = {"fate": fate, "steps": 0 * fate, "scuff": scuff}
         return found
 
-    assert holds(fig8.evaluate(results(4, 6), quick), "rigid") == [True, True, True, True, None]
-    assert holds(fig8.evaluate(results(5, 5), quick), "rigid") == [False, False, False, False, None]
-    assert holds(fig8.evaluate(results(4, 6, last=3), quick), "rigid") == [True, True, False, False, None]
-    assert holds(fig8.evaluate(results(4, 6), quick), "mujoco") == [True, None, True, None, None]  # no foot underground
+    assert holds(fig8.evaluate(results(4, 6), quick), "rigid") == [True, True, True, True, True, None]
+    assert holds(fig8.evaluate(results(5, 5), quick), "rigid") == [False, False, True, False, False, None]
+    assert holds(fig8.evaluate(results(4, 6, last=3), quick), "rigid") == [True, True, True, False, False, None]
+    assert holds(fig8.evaluate(results(4, 6), quick), "mujoco") == [
+        True,
+        None,
+        True,
+        True,
+        None,
+        None,
+    ]  # no foot underground
+
+
+def test_both_gaits_are_judged_side_by_side_unless_one_is_asked_for() -> None:
+    asked = tasks_of(fig6, Effort())
+    assert {name.partition("/")[0] for name in asked} == {"paper", "paper-polished"}
+    assert 'gait = "paper-polished"' in asked["paper-polished/rigid/pushed"].arguments["scenario"]
+    assert {name.partition("/")[0] for name in tasks_of(fig6, Effort(changes={"gait": "paper"}))} == {"paper"}
+    assert {name.partition("/")[0] for name in tasks_of(noise, Effort())} == {"paper"}
+
+
+def test_a_claim_s_verdicts_with_both_gaits_stand_beside_each_other() -> None:
+    def evaluate(results, effort: Effort) -> Evaluation:
+        finding = Finding(text=effort.changes.get("gait", "paper"), holds="x" in results)
+        verdict = Verdict(claim="x", paper="-", rigid=finding, mujoco=finding)
+        return Evaluation(verdicts=(verdict,), panels=(), tables={"t": {}}, notes=("same",))
+
+    found = evaluation_of(SimpleNamespace(evaluate=evaluate), {"paper/x": {}, "paper-polished/y": {}}, Effort())
+    (verdict,) = found.verdicts
+    assert (verdict.rigid.text, verdict.rigid.holds) == ("paper", True)
+    assert [(other.text, other.holds) for other in verdict.polished] == [("paper-polished", False)] * 2
+    assert set(found.tables) == {"t", "polished-t"} and found.notes == ("same",)
+
+
+def test_readings_follow_their_data() -> None:
+    def run(*walked: bool) -> dict:
+        return {"walked": np.array(walked), "steps": np.full(3, 2), "scuff": np.zeros(3)}
+
+    results = {
+        name: run(True, True, False) if "zd-pd" in name else run(True, True, True) for name in readings.tasks(Effort())
+    }
+    found = readings.evaluate(results, Effort())
+    assert holds(found, "rigid") == [True] * len(readings.READINGS)
+    assert "ZD+PD 25 walks, 30 walks, 40 falls in step 3" in found.verdicts[0].rigid.text
+    results["mujoco/zd-pd/at the hip"] = run(True, True, True)
+    assert holds(readings.evaluate(results, Effort()), "mujoco").count(False) == 1
+
+
+def test_noise_is_judged_by_what_is_survived_and_by_tracking_under_the_same() -> None:
+    def results(mpc: float, zd: float) -> dict:
+        level = {"zd-pd": zd, "c-mpc": mpc}
+        found = {}
+        for name in noise.tasks(Effort()):
+            controller = name.split("/")[1]
+            rms = level[controller] + 1e-5 * np.arange(20)
+            largest = {
+                "value": np.array(1.0),
+                "tried": np.array([1.0]),
+                "survived": np.array([20]),
+                "scuff": np.array(0.0),
+            }
+            found[name] = {"rms": rms} if name.endswith("tracking") else largest
+        return found
+
+    assert holds(noise.evaluate(results(0.002, 0.004), Effort()), "rigid")[3:] == [True] * 3
+    assert holds(noise.evaluate(results(0.00399, 0.004), Effort()), "rigid")[3:] == [False] * 3
 
 
 def test_the_search_for_a_force_brackets_it() -> None:

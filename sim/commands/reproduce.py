@@ -74,15 +74,20 @@ def _reproduce(
     names: Sequence[str], out: Path, changes: Mapping[str, Any], *, quick: bool, workers: int, silent: bool
 ) -> int:
     from sim.reproduce import report
-    from sim.reproduce.study import Effort, Evaluation
+    from sim.reproduce.study import Effort, Evaluation, evaluation_of, tasks_of
     from sim.runner import Stopped, TaskStore, run_tasks
 
     store = TaskStore(out / "tasks")
     effort = Effort(quick=quick, changes=changes)
     modules = {name: importlib.import_module(f"sim.reproduce.experiments.{name}") for name in EXPERIMENTS}
-    files = tuple(str(path) for path in ModelFiles.of(with_values(Scenario(), changes)).read)
+
+    def files(name: str) -> tuple[str, ...]:
+        """What a task reads; its name begins with its gait."""
+        gait = {} if "gait" in changes else {"gait": name.partition("/")[0]}
+        return tuple(str(path) for path in ModelFiles.of(with_values(Scenario(), {**changes, **gait})).read)
+
     wanted = {
-        name: {key: replace(task, files=files) for key, task in module.tasks(effort).items()}
+        name: {key: replace(task, files=files(key)) for key, task in tasks_of(module, effort).items()}
         for name, module in modules.items()
     }
     everything = {f"{name}:{key}": task for name in names for key, task in wanted[name].items()}
@@ -92,10 +97,8 @@ def _reproduce(
     def evaluate(name: str) -> Evaluation | None:
         """What an experiment found, None if a result is missing."""
         results = {key: store.get(task) for key, task in wanted[name].items()}
-        if None in results.values():
-            return None
-        found: Evaluation = modules[name].evaluate(results, effort)
-        return found
+        known = {key: found for key, found in results.items() if found is not None}
+        return evaluation_of(modules[name], known, effort) if len(known) == len(results) else None
 
     def finished(task: str) -> None:
         name = task.partition(":")[0]
@@ -128,13 +131,19 @@ def _reproduce(
 def _print_verdicts(found: Mapping[str, Any]) -> None:
     from rich.text import Text
 
-    table = console.table("experiment", "claim", "paper", "rigid plant", "MuJoCo", "holds")
+    table = console.table(
+        "experiment", "claim", "paper", "rigid plant", "MuJoCo", "holds", "rigid, polished", "MuJoCo, polished"
+    )
     words = {True: ("yes", "green"), False: ("no", "red"), None: ("-", "dim")}
     for name, evaluation in found.items():
         for number, verdict in enumerate(evaluation.verdicts):
             findings = (verdict.rigid, verdict.mujoco)
-            holds = Text(" / ").join(Text(*words[finding.holds]) for finding in findings)
-            texts = [Text(finding.text, style="" if finding.holds else "red") for finding in findings]
-            table.add_row(name if number == 0 else "", Text(verdict.claim), Text(verdict.paper), *texts, holds)
+            holds = Text(" / ").join(Text(*words[finding.holds]) for finding in (*findings, *(verdict.polished or ())))
+            texts = [
+                Text(finding.text, style="red" if finding.holds is False else "")
+                for finding in (*findings, *(verdict.polished or ()))
+            ]
+            claim = (name if number == 0 else "", Text(verdict.claim), Text(verdict.paper))
+            table.add_row(*claim, *texts[:2], holds, *texts[2:])
         table.add_section()
     console.show(table, WIDTH)

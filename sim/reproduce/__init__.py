@@ -7,6 +7,7 @@ and tables of their results (`evaluate`); neither step runs anything. `tasks.py`
 EXPERIMENTS = {
     "fig3": "Postures of the periodic gait",
     "fig4": "Torques under 40 N in the first step",
+    "readings": "Readings of the push on the torso throughout the first step",
     "fig5": "Deviation from the gait under 25 N in the second step",
     "fig6": "Shares of ZD+PD and MPC in the torque",
     "fig7": "Friction ratio with and without the friction rows",

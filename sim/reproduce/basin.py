@@ -76,11 +76,14 @@ def column(
         steps: Limit of steps.
 
     Returns:
-        "fate" (n,) as values of `Fate` and "steps" (n,), the steps taken.
+        "fate" (n,) as values of `Fate`, "steps" (n,), the steps taken, and "scuff" (n,), how deep the swing foot was
+        below the ground in [m].
     """
     rig, periodic = _prepared(scenario)
-    fates, taken = zip(*(_try(rig, periodic, torso * AXES[axis], f, epsilon, steps) for f in force), strict=True)
-    return {"fate": np.array(fates), "steps": np.array(taken)}
+    fates, taken, depths = zip(
+        *(_try(rig, periodic, torso * AXES[axis], f, epsilon, steps) for f in force), strict=True
+    )
+    return {"fate": np.array(fates), "steps": np.array(taken), "scuff": np.array(depths)}
 
 
 @functools.lru_cache(maxsize=4)
@@ -94,7 +97,9 @@ def _prepared(scenario: str) -> tuple[Rig, Vector]:
         raise UserError(f"no basin: the undisturbed walk {fall}") from fall
 
 
-def _try(rig: Rig, periodic: Vector, offset: Vector, force: float, epsilon: float, steps: int) -> tuple[Fate, int]:
+def _try(
+    rig: Rig, periodic: Vector, offset: Vector, force: float, epsilon: float, steps: int
+) -> tuple[Fate, int, float]:
     tape = rig.sections()
     seen = 0
 
@@ -111,4 +116,4 @@ def _try(rig: Rig, periodic: Vector, offset: Vector, force: float, epsilon: floa
         Outcome.INTERRUPTED.value: Fate.CONVERGED,
         Outcome.COMPLETED.value: Fate.UNDECIDED,
     }.get(summary.outcome, Fate.FELL)
-    return fate, summary.steps
+    return fate, summary.steps, summary.scuff_depth_m

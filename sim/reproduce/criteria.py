@@ -75,7 +75,11 @@ RULES = (
         "if its noise floor is at most the tolerance above, or on MuJoCo at most its distance from 1",
         used="table2",
     ),
-    Rule(words="walks on, falls", meaning="the judge of every run, over the whole run", used="fig4, fig5, table2"),
+    Rule(
+        words="walks on, falls",
+        meaning="the judge of every run, over the whole run",
+        used="fig4, fig5, table2, readings, incline",
+    ),
     Rule(
         words="extended upward",
         meaning="the largest force survived is at no offset below ZD+PD's, and above it at one at least",

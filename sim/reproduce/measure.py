@@ -1,17 +1,23 @@
 """What worker processes do: run scenarios and bring back plain arrays."""
 
 import functools
+import re
+import shutil
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.interface import Vector
-from sim.loop import NoTape, Outcome, Ticks
+from sim.loop import FallCriteria, NoTape, Outcome, Ticks
 from sim.scenario import Scenario, from_toml, with_values
 from sim.stability.rig import Rig
+from sim.walkers import ModelFiles
 
 _SWAPPED = np.array([1, 0, 3, 2])
+TRIP_DEPTH = FallCriteria.of_leg(0.8, trips=True).scuff_depth  # [m] of RABBIT, whose leg is 0.8 m
 OUTCOMES = tuple(outcome.value for outcome in Outcome)
 
 
@@ -33,7 +39,7 @@ class Record(NoTape):
                 for column in (
                     state["q"], step["y"], step["dy"], step["u_zd"], step["u_mpc"], step["u_total"], state["hip"],
                     state["foot"].reshape(-1, 4), state["contact_force"], state["clearance"], step["slack"],
-                    step["impact_in"], step["stance"],
+                    step["impact_in"], step["stance"], step["contact_force"],
                 )
             )
         )  # fmt: skip
@@ -48,12 +54,14 @@ class Record(NoTape):
 
         "t" (n,), "q" (n, 5) body order, "y", "dy", "u_zd", "u_mpc", "u", "torque" (n, 4) stance order, "hip"
         (n, 2), "foot" (n, 4), "force" (n, 2) tangential and normal force on the stance foot over each hold,
-        "stance" (n,) 0 left, "slack" (n,) [N] by which friction rows were softened anywhere in the horizon,
+        "stance" (n,) 0 left, "force_now" (n, 2) what the
+        controller's model says of that force at the tick itself, where its constraint acts, "slack" (n,) [N] by which
+        friction rows were softened anywhere in the horizon,
         "clearance" (n,) of the swing foot over the ground, "impact_in" (n,) ticks to the impact the controller
         expects, -1 for none, "landed" ticks of the touch-downs.
         """
         columns = [np.concatenate(parts) for parts in zip(*self._parts, strict=True)]
-        q, y, dy, u_zd, u_mpc, u, hip, foot, forces, clearances, slack, impact_in, stance = columns
+        q, y, dy, u_zd, u_mpc, u, hip, foot, forces, clearances, slack, impact_in, stance, force_now = columns
         rows = np.arange(len(stance))
         order = np.where(stance[:, None] == 0, np.arange(4), _SWAPPED)
         joints = {"u_zd": u_zd, "u_mpc": u_mpc, "u": u, "torque": np.clip(u, -self._limits, self._limits)}
@@ -68,6 +76,7 @@ class Record(NoTape):
             "hip": hip,
             "foot": foot,
             "force": over_hold[rows, stance],
+            "force_now": force_now,
             "stance": stance,
             "slack": slack,
             "clearance": clearances[rows, 1 - stance],
@@ -96,10 +105,47 @@ def walk(scenario: str) -> dict[str, NDArray[Any]]:
     }
 
 
-def _survives(scenario: Scenario) -> bool:
+def _fate(scenario: Scenario) -> tuple[bool, float]:
+    """Whether a scenario's steps are completed, and the depth of the swing foot below the ground in [m]."""
     from sim.bridge.run import build_rig
 
-    return build_rig(scenario).run(NoTape()).outcome == Outcome.COMPLETED.value
+    found = build_rig(scenario).run(NoTape())
+    return found.outcome == Outcome.COMPLETED.value, found.scuff_depth_m
+
+
+def pushed(scenario: str, forces: list[float], undamped: bool = False) -> dict[str, NDArray[Any]]:
+    """What becomes of a scenario whose first push has one force after the other.
+
+    Args:
+        scenario: The scenario as TOML.
+        forces: In [N].
+        undamped: Whether the joints have no damping, neither in the plant nor in the controller's belief.
+
+    Returns:
+        "walked" (n,), "steps" (n,) completed, "scuff" (n,) the depth of the swing foot below the ground in [m].
+    """
+    from sim.bridge.run import build_rig
+
+    base = from_toml(scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        if undamped:
+            base = with_values(base, {"walker": _undamped(ModelFiles.of(base), Path(folder))})
+        runs = [build_rig(with_values(base, {"pushes.0.force": force})).run(NoTape()) for force in forces]
+    return {
+        "walked": np.array([run.outcome == Outcome.COMPLETED.value for run in runs]),
+        "steps": np.array([run.steps for run in runs]),
+        "scuff": np.array([run.scuff_depth_m for run in runs]),
+    }
+
+
+def _undamped(files: ModelFiles, folder: Path) -> str:
+    """A copy of a walker without joint damping; its path."""
+    there = folder / files.mjcf.stem
+    shutil.copytree(files.mjcf.parent, there)
+    for file in (files.mjcf, files.urdf):
+        copy = there / file.name
+        copy.write_text(re.sub(r'damping="[^"]*"', 'damping="0"', file.read_text(encoding="utf-8")), encoding="utf-8")
+    return str(there)
 
 
 def largest_survived(
@@ -117,24 +163,58 @@ def largest_survived(
 
     Returns:
         "value", a magnitude: survived, while `resolution` more is not (0 if not even the stride is survived);
-        "tried" and "survived", in the order tried.
+        "tripping", the same where a swing foot deeper than `TRIP_DEPTH` in the ground is a fall; "tried", "survived"
+        and "scuff", the depth of the swing foot below the ground in [m], in the order tried.
     """
     base = from_toml(scenario)
-    tried: list[float] = []
-    fates: list[bool] = []
+    fates: dict[float, tuple[bool, float]] = {}
 
-    def survived(magnitude: float) -> bool:
-        tried.append(magnitude)
-        fates.append(_survives(with_values(base, {path: sign * magnitude})))
-        return fates[-1]
+    def search(trips: bool) -> float:
+        def survived(magnitude: float) -> bool:
+            if magnitude not in fates:
+                fates[magnitude] = _fate(with_values(base, {path: sign * magnitude}))
+            walked, depth = fates[magnitude]
+            return walked and not (trips and depth > TRIP_DEPTH)
 
-    low, high = 0.0, stride
-    while high <= limit and survived(high):
-        low, high = high, high + stride
-    while high <= limit and high - low > resolution * (1.0 + 1e-9):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if survived(middle) else (low, middle)
-    return {"value": np.array(low), "tried": np.array(tried), "survived": np.array(fates)}
+        low, high = 0.0, stride
+        while high <= limit and survived(high):
+            low, high = high, high + stride
+        while high <= limit and high - low > resolution * (1.0 + 1e-9):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if survived(middle) else (low, middle)
+        return low
+
+    value, tripping = search(False), search(True)
+    return {
+        "value": np.array(value),
+        "tripping": np.array(tripping),
+        "tried": np.array(list(fates)),
+        "survived": np.array([walked for walked, _ in fates.values()]),
+        "scuff": np.array([depth for _, depth in fates.values()]),
+    }
+
+
+def tracking(scenario: str, paths: list[str], sd: float, seeds: int) -> dict[str, NDArray[Any]]:
+    """RMS of the outputs under noise, seed by seed.
+
+    Args:
+        scenario: The scenario as TOML.
+        paths: Settings that take the standard deviation.
+        sd: The standard deviation.
+        seeds: Number of seeds, from 0.
+
+    Returns:
+        "rms" (seeds,) in [rad], NaN where the walker falls.
+    """
+    from sim.bridge.run import build_rig
+
+    base = with_values(from_toml(scenario), dict.fromkeys(paths, sd))
+    found = []
+    for seed in range(seeds):
+        run = build_rig(with_values(base, {"seed": seed})).run(NoTape())
+        walked = run.outcome == Outcome.COMPLETED.value
+        found.append(run.output_error_rms_rad if walked and run.output_error_rms_rad else np.nan)
+    return {"rms": np.array(found)}
 
 
 def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: int) -> dict[str, NDArray[Any]]:
@@ -148,19 +228,26 @@ def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: i
 
     Returns:
         "value" (0 if not even the first rung is survived), "tried" and "survived" (number of seeds before the first
-        fall), in the order tried.
+        fall), in the order tried, and "scuff", the deepest that the swing foot of a survivor at "value" was below the
+        ground in [m].
     """
     base = from_toml(scenario)
     tried: list[float] = []
     counts: list[int] = []
 
+    depths: dict[float, float] = {}
+
     def survived(sd: float) -> bool:
         settings = with_values(base, dict.fromkeys(paths, sd))
-        seed = 0
-        while seed < seeds and _survives(with_values(settings, {"seed": seed})):
-            seed += 1
+        seed, deepest = 0, 0.0
+        while seed < seeds:
+            walked, depth = _fate(with_values(settings, {"seed": seed}))
+            if not walked:
+                break
+            seed, deepest = seed + 1, max(deepest, depth)
         tried.append(sd)
         counts.append(seed)
+        depths[sd] = deepest
         return seed == seeds
 
     low, high = -1, len(ladder)  # rungs
@@ -168,7 +255,12 @@ def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: i
         middle = (low + high) // 2
         low, high = (middle, high) if survived(ladder[middle]) else (low, middle)
     value = ladder[low] if low >= 0 else 0.0
-    return {"value": np.array(value), "tried": np.array(tried), "survived": np.array(counts)}
+    return {
+        "value": np.array(value),
+        "tried": np.array(tried),
+        "survived": np.array(counts),
+        "scuff": np.array(depths.get(value, 0.0)),
+    }
 
 
 def stability(scenario: str, step_sizes: list[float], repeats: int) -> dict[str, NDArray[Any]]:

@@ -59,11 +59,14 @@ def write_page(found: Mapping[str, Evaluation], folder: Path, *, quick: bool) ->
     """
     rows = [(name, verdict) for name, evaluation in found.items() for verdict in evaluation.verdicts]
     held = {plant: sum(getattr(verdict, plant).holds is True for _, verdict in rows) for plant in PLANT_NAMES}
+    both = [verdict.polished for _, verdict in rows if verdict.polished]
+    polished = [sum(findings[i].holds is True for findings in both) for i in range(2)]
     lead = (
         "Cascaded MPC of underactuated bipedal walking: every figure and table on the paper's own kind of plant "
         "(pinned stance foot, rigid impacts) and on MuJoCo with contact, a verdict for each claim."
         f"{' Coarse version (--quick).' if quick else ''} Of {len(rows)} claims {held['rigid']} hold on the rigid "
-        f"plant and {held['mujoco']} on MuJoCo."
+        f"plant and {held['mujoco']} on MuJoCo; of {len(both)} judged with the polished gait, too, {polished[0]} and "
+        f"{polished[1]}."
     )
     sections = [_section(name, evaluation, picture=folder / f"{name}.png") for name, evaluation in found.items()]
     path = folder / "index.html"
@@ -96,7 +99,8 @@ def _section(name: str, found: Evaluation, picture: Path | None) -> dict[str, An
 
 def _row(name: str, verdict: Verdict) -> dict[str, Any]:
     kinds = {True: "yes", False: "no", None: ""}
-    findings = [(kinds[finding.holds], finding.text) for finding in (getattr(verdict, plant) for plant in PLANT_NAMES)]
+    found = (verdict.rigid, verdict.mujoco, *(verdict.polished or ()))
+    findings = [(kinds[finding.holds], finding.text) for finding in found]
     return {"name": name, "claim": verdict.claim, "paper": verdict.paper, "findings": findings}
 
 

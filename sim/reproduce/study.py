@@ -1,7 +1,9 @@
 """The vocabulary of an experiment: scenarios, tasks, results, claims."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,10 @@ UNDISTURBED: Mapping[str, Any] = {"steps": 15}
 PUSHED: Mapping[str, Any] = {"steps": 12, "pushes.0.force": 25.0, "pushes.0.step": 2}
 """Walks that several figures show; asked for in the same words they are run once."""
 
+PAPER, POLISHED = "paper", "paper-polished"
+GAITS = {PAPER: "paper's gait", POLISHED: "polished gait"}
+"""Table I as printed, and the exactly periodic gait next to it."""
+
 TORQUE_LIMITS = np.array([75.0, 75.0, 50.0, 50.0])  # [N.m], Sec. IV
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -40,6 +46,11 @@ class Effort:
 
     quick: bool = False
     changes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def polished(self) -> "Effort | None":
+        """The same with the polished gait; None where a gait was asked for."""
+        return None if "gait" in self.changes else dataclasses.replace(self, changes={**self.changes, "gait": POLISHED})
 
     def scenario(self, plant: str, controller: str, changes: Mapping[str, Any] | None = None) -> str:
         """A scenario as TOML: the level walk of ten steps with this plant and controller, then `changes`.
@@ -81,12 +92,14 @@ class Verdict:
         paper: The paper's value.
         rigid: What the paper's own kind of plant says.
         mujoco: What the plant with contact says.
+        polished: What both say with the polished gait, rigid first; None where it was not tried.
     """
 
     claim: str
     paper: str
     rigid: Finding
     mujoco: Finding
+    polished: tuple[Finding, Finding] | None = None
 
     @classmethod
     def of(cls, claim: str, paper: str, judge: Callable[[str], Finding]) -> "Verdict":
@@ -109,3 +122,51 @@ class Evaluation:
     panels: tuple[tuple[Panel, ...], ...]
     tables: Mapping[str, Mapping[str, NDArray[Any]]]
     notes: tuple[str, ...] = ()
+
+
+def tasks_of(experiment: ModuleType, effort: Effort) -> dict[str, Task]:
+    """What an experiment asks for, with the paper's gait and, unless it says `BOTH_GAITS = False`, the polished one.
+
+    Args:
+        experiment: One of `sim.reproduce.experiments`.
+        effort: How thorough.
+
+    Returns:
+        Tasks by name, the gait before the experiment's own.
+    """
+    return {
+        f"{gait}/{name}": task
+        for gait, one in _efforts(experiment, effort).items()
+        for name, task in experiment.tasks(one).items()
+    }
+
+
+def evaluation_of(experiment: ModuleType, results: Results, effort: Effort) -> Evaluation:
+    """What an experiment found with each gait: verdicts side by side, figures of the paper's gait, data of both."""
+    found = {
+        gait: experiment.evaluate(
+            {name.removeprefix(f"{gait}/"): arrays for name, arrays in results.items() if name.startswith(f"{gait}/")},
+            one,
+        )
+        for gait, one in _efforts(experiment, effort).items()
+    }
+    paper: Evaluation = found[PAPER]
+    if POLISHED not in found:
+        return paper
+    other: Evaluation = found[POLISHED]
+    return Evaluation(
+        verdicts=tuple(
+            dataclasses.replace(verdict, polished=(polished.rigid, polished.mujoco))
+            for verdict, polished in zip(paper.verdicts, other.verdicts, strict=True)
+        ),
+        panels=paper.panels,
+        tables={**paper.tables, **{f"polished-{stem}": columns for stem, columns in other.tables.items()}},
+        notes=(*paper.notes, *(f"Polished gait: {note}" for note in other.notes if note not in paper.notes)),
+    )
+
+
+def _efforts(experiment: ModuleType, effort: Effort) -> dict[str, Effort]:
+    found = {PAPER: effort}
+    if getattr(experiment, "BOTH_GAITS", True) and effort.polished:
+        found[POLISHED] = effort.polished
+    return found

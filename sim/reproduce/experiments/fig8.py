@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.reproduce.basin import EPSILON, STEPS, Fate, Grid
+from sim.reproduce.measure import TRIP_DEPTH
 from sim.reproduce.panels import BLUE, ORANGE, MapPanel, Region
 from sim.reproduce.study import (
     CONTROLLERS,
@@ -17,6 +18,8 @@ from sim.reproduce.study import (
     Task,
     Verdict,
 )
+
+BOTH_GAITS = False  # for its cost: the paper's gait alone
 
 FORCES = (-40.0, 80.0)  # [N]
 READINGS = {
@@ -80,11 +83,11 @@ def converged(results: Results, name: str, controller: str, grid: Grid) -> np.nd
 
 
 def table(results: Results, name: str, grid: Grid) -> dict[str, np.ndarray]:
-    """Fate and steps of both controllers at every point."""
+    """Fate, steps and depth of the swing foot in the ground of both controllers at every point."""
     offsets, forces = np.meshgrid(grid.torso, grid.force)
     columns = {"torso offset [rad]": offsets.ravel(), "force [N]": forces.ravel()}
     for controller in CONTROLLERS:
-        for what in ("fate", "steps"):
+        for what in ("fate", "steps", "scuff"):
             columns[f"{controller} {what}"] = stacked(results, name, controller, what, grid).ravel()
     return columns
 
@@ -154,6 +157,20 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         share = float((zd & mpc).sum() / zd.sum()) if zd.any() else float("nan")
         return Finding(text=f"{100 * share:.1f} %", holds=None)
 
+    def tripping(plant: str) -> Finding:
+        """Both basins where a swing foot in the ground is a fall."""
+        name = f"{plant}-torso"
+        grid = maps[name][2]
+        kept = {
+            controller: inside[name, controller] & (stacked(results, name, controller, "scuff", grid) <= TRIP_DEPTH)
+            for controller in CONTROLLERS
+        }
+        zd, mpc = (float(kept[controller].sum()) * grid.cell for controller in CONTROLLERS)
+        ratio = f": {mpc / zd:.2f} times" if zd else ""
+        lost = [int((inside[name, controller] & ~kept[controller]).sum()) for controller in CONTROLLERS]
+        text = f"{mpc:.2f} against {zd:.2f} rad N{ratio}; ZD+PD loses {lost[0]}, C-MPC {lost[1]} points"
+        return Finding(text=text, holds=mpc > zd)
+
     panels, tables, notes = [], {}, []
     for name, (plant, reading, grid) in maps.items():
         zd, mpc = (inside[name, controller] for controller in CONTROLLERS)
@@ -169,6 +186,11 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     return Evaluation(
         verdicts=(
             *(larger(reading) for reading in READINGS),
+            Verdict.of(
+                f"the same, torso tilted, where a swing foot {1e3 * TRIP_DEPTH:g} mm in the ground is a fall",
+                "considerably larger",
+                tripping,
+            ),
             *(upward(reading) for reading in READINGS),
             Verdict.of("torso tilted about the hip: points of ZD+PD's basin that C-MPC keeps", "not said", kept),
         ),

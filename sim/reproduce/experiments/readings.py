@@ -1,0 +1,100 @@
+"""What "40 N to the torso throughout the first step" can mean, and what each reading does to both controllers."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sim.reproduce.study import (
+    CONTROLLER_NAMES,
+    CONTROLLERS,
+    PLANTS,
+    Arrays,
+    Effort,
+    Evaluation,
+    Finding,
+    Results,
+    Task,
+    Verdict,
+)
+
+BOTH_GAITS = False  # for its cost: the paper's gait alone
+
+FORCES = (25.0, 30.0, 40.0)  # [N]
+STEPS, QUICK_STEPS = 10, 6
+TORSO = 0.63  # [m], RABBIT's
+PUSH: Mapping[str, Any] = {"pushes.0.force": 0.0, "pushes.0.step": 1}
+
+READINGS: Mapping[str, Mapping[str, Any]] = {
+    "at the torso's centre of mass, throughout the step": PUSH,
+    "at the top of the torso": {**PUSH, "pushes.0.point": (0.0, TORSO)},
+    "at the hip": {**PUSH, "pushes.0.point": (0.0, 0.0)},
+    "at the centre of mass, for 0.5 s": {"pushes.0.force": 0.0, "pushes.0.start": 0.0, "pushes.0.end": 0.5},
+    "at the centre of mass, no damping in any joint or belief": PUSH,
+}
+UNDAMPED = "no damping"
+
+
+def tasks(effort: Effort) -> Mapping[str, Task]:
+    """Three forces for each reading, plant and controller."""
+    steps = QUICK_STEPS if effort.quick else STEPS
+    return {
+        f"{plant}/{controller}/{reading}": Task(
+            function="sim.reproduce.measure:pushed",
+            arguments={
+                "scenario": effort.scenario(plant, controller, {**changes, "steps": steps}),
+                "forces": list(FORCES),
+                "undamped": UNDAMPED in reading,
+            },
+            cost=len(FORCES) * steps * (3.0 if controller == "c-mpc" else 1.0),
+        )
+        for plant in PLANTS
+        for controller in CONTROLLERS
+        for reading, changes in READINGS.items()
+    }
+
+
+def _words(found: Arrays) -> str:
+    return ", ".join(
+        f"{force:g} {'walks' if walked else f'falls in step {steps + 1}'}"
+        + (f" ({1e3 * depth:.1f} mm in the ground)" if depth > 0.0 else "")
+        for force, walked, steps, depth in zip(FORCES, found["walked"], found["steps"], found["scuff"], strict=True)
+    )
+
+
+def evaluate(results: Results, effort: Effort) -> Evaluation:
+    """The paper's sentence under each reading."""
+
+    def sentence(reading: str) -> Verdict:
+        def judge(plant: str) -> Finding:
+            zd, mpc = (results[f"{plant}/{controller}/{reading}"] for controller in CONTROLLERS)
+            text = "; ".join(
+                f"{CONTROLLER_NAMES[controller]} {_words(found)}"
+                for controller, found in zip(CONTROLLERS, (zd, mpc), strict=True)
+            )
+            return Finding(text=text, holds=bool(zd["walked"][0] and not zd["walked"][-1] and mpc["walked"][-1]))
+
+        claim = f"{reading}: ZD+PD walks at {FORCES[0]:g} N and falls at {FORCES[-1]:g}, where C-MPC walks"
+        return Verdict.of(claim, "yes", judge)
+
+    tables = {
+        f"{plant}-{controller}": {
+            "force [N]": np.array(FORCES),
+            **{
+                f"{reading}: {what}": results[f"{plant}/{controller}/{reading}"][key].astype(float)
+                for reading in READINGS
+                for what, key in (("walks", "walked"), ("steps", "steps"), ("swing foot below ground [m]", "scuff"))
+            },
+        }
+        for plant in PLANTS
+        for controller in CONTROLLERS
+    }
+    return Evaluation(
+        verdicts=tuple(sentence(reading) for reading in READINGS),
+        panels=(),
+        tables=tables,
+        notes=(
+            "The paper says neither where on the torso the force attacks nor how long a step lasts that it shortens; "
+            f"the force is horizontal in all readings. A run of {QUICK_STEPS if effort.quick else STEPS} steps.",
+        ),
+    )
