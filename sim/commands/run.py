@@ -57,6 +57,9 @@ def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = N
         "--log", metavar="PATH", help="log file (default: logs/<name>-<controller>-<UTC>-<process>.mcap)"
     )
     where.add_argument("--no-log", action="store_true", help="write no log")
+    own.add_argument(
+        "--audit", action="store_true", help="audit energy, contact and impacts instead of writing a log; slower"
+    )
     own.add_argument("--from-trial", metavar="DIR#ID", help="run a trial of cmpc trials again, to the same end")
     own.add_argument("--viewer", action="store_true", help="show the run in MuJoCo's window, no faster than real time")
     add_json(own, "the summary")
@@ -72,12 +75,37 @@ def _run(found: Namespace) -> int:
         show_help(add_parser, found, scenario)
         return 0
     scenario = flags.apply(scenario, found)
+    if found.audit:
+        return _audit(scenario, json=found.json)
     if found.no_log:
         log = None
     else:
         log = Path(found.log) if found.log is not None else default_log(scenario)
         check_new_log(log)
     return _walk(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
+
+
+def _audit(scenario: Scenario, *, json: bool) -> int:
+    import dataclasses
+    import json as text
+
+    from sim.bridge.audit import audited, rows
+    from sim.loop import Outcome
+
+    summary, audit = audited(scenario)
+    if json:
+        e = audit.energy
+        figures = dataclasses.asdict(e) | {"residual": e.residual, "slip": summary.slip_m}
+        names = ("penetration", "penetration_impact", "flight_share", "impulse_error")
+        figures |= {name: getattr(audit, name) for name in names}
+        print(text.dumps({"outcome": summary.outcome, "steps": summary.steps, "audit": figures}), flush=True)
+    else:
+        print_summary(summary, scenario, json=False)
+        table = console.table("audit", "")
+        for row in rows(audit, summary.slip_m):
+            table.add_row(*row)
+        console.show(table, WIDTH)
+    return 1 if summary.outcome == Outcome.ERROR.value else 0
 
 
 def _scenario(found: Namespace) -> Scenario:
