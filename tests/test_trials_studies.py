@@ -217,12 +217,12 @@ def test_draws_of_a_margin_are_trials_of_their_own_and_the_first_is_undisturbed(
     from sim.trials.plan import Plan
     from sim.trials.run.trial import axis_values
 
-    study = MarginStudy(axes=(axis(low=-0.005), axis(low=0.0, high=0.003)), draws=3)
+    study = MarginStudy(axes=(axis(name="first", low=-0.005), axis(name="second", low=0.0, high=0.003)), draws=3)
     plan = Plan(margin=(study,))
     assert study.size == 3 * study.lattice
     zero = study.first_index(1)
     values = [axis_values(plan, zero + draw * study.lattice) for draw in range(3)]
-    assert all(found[1] == {SLOPE[0]: 0.0} for found in values)
+    assert all(found[1] == {"second": 0.0} for found in values)
     assert "start.q_offset" not in values[0][2]
     offsets = [found[2]["start.q_offset"] for found in values[1:]]
     assert offsets[0] != offsets[1] and max(abs(x) for x in (*offsets[0], *offsets[1])) < 1e-3
