@@ -14,6 +14,7 @@ import sys
 import time
 from pathlib import Path
 
+import misdeeds
 import pytest
 
 from sim import cli
@@ -405,6 +406,12 @@ def test_an_edited_gait_is_another_origin(tmp_path: Path) -> None:
 
 def _fewer(axis):
     return dataclasses.replace(axis, count=1)
+
+
+def test_trials_that_abort_hang_raise_or_return_nan_cost_no_other_trial() -> None:
+    """A small version of the proof in `test_trials_campaign`: one of each in twenty."""
+    clean = same(run_plan(from_toml(misdeeds.plan(20, False, 60.0)), workers=2))
+    misdeeds.check(same(run_plan(from_toml(misdeeds.plan(20, True, 10.0)), workers=2)), clean)
 
 
 def test_no_two_trials_have_the_same_seed() -> None:

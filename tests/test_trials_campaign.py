@@ -15,6 +15,7 @@ import sys
 import time
 from pathlib import Path
 
+import misdeeds
 import pytest
 
 from sim.bridge.run import run_scenario
@@ -116,28 +117,155 @@ def test_a_cluster_on_loopback_finds_the_same_though_a_worker_is_killed(tmp_path
     pytest.importorskip("distributed")
     plan = write(tmp_path, controllers='"zd-pd", "c-mpc"', steps=2, trials=60, **ROUGH)
     finish(start(plan, tmp_path / "local", "--workers", "2"))
-    address = f"tcp://127.0.0.1:{free_port()}"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    quiet = {"cwd": tmp_path, "env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with contextlib.ExitStack() as stack:
-
-        def run(kind: str, *options: str) -> subprocess.Popen:
-            command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *options]
-            process = subprocess.Popen(command, start_new_session=True, **quiet)
-            stack.callback(lambda: (_kill_group(process), process.wait()))
-            return process
-
-        run("scheduler", "--host", "127.0.0.1", "--port", address.rpartition(":")[2], "--no-dashboard")
-        worker = [address, "--nthreads", "1", "--nworkers", "1", "--no-dashboard"]
-        victim, _ = run("worker", *worker), run("worker", *worker)
-        _wait_for_workers(address, 2)
-        process = start(plan, tmp_path / "cluster", "--cluster", address)
+    with Cluster(tmp_path) as cluster:
+        process = start(plan, tmp_path / "cluster", "--cluster", cluster.address)
         while count(tmp_path / "cluster") < 20 and process.poll() is None:
             time.sleep(0.05)
         assert process.poll() is None
-        _kill_group(victim)
+        _kill_group(cluster.workers[0])
         finish(process)
     assert results(tmp_path / "cluster") == results(tmp_path / "local")
+
+
+class Cluster:
+    """A Dask scheduler and two workers on this machine, as processes of their own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.address = folder, f"tcp://127.0.0.1:{free_port()}"
+        self.workers: list[subprocess.Popen] = []
+
+    def __enter__(self) -> "Cluster":
+        self.begin()
+        return self
+
+    def begin(self) -> None:
+        """Start what is not there."""
+        port = self.address.rpartition(":")[2]
+        self.scheduler = self._run("scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
+        self.workers = [self.worker(), self.worker()]
+        _wait_for_workers(self.address, 2)
+
+    def worker(self) -> subprocess.Popen:
+        return self._run("worker", self.address, "--nthreads", "1", "--nworkers", "1", "--no-dashboard")
+
+    def _run(self, kind: str, *options: str) -> subprocess.Popen:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *options]
+        where = {"cwd": self.folder, "env": {**os.environ, "PYTHONPATH": str(ROOT)}}
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen(command, start_new_session=True, **where, **silent)
+
+    def end(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            _kill_group(process)
+            process.wait()
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+
+def processes() -> dict[int, tuple[int, str]]:
+    """Every process of this machine that runs: its parent and its command line."""
+    found = {}
+    for folder in Path("/proc").iterdir():
+        with contextlib.suppress(OSError, ValueError):
+            state, parent = (folder / "stat").read_text().rpartition(")")[2].split()[:2]
+            if state != "Z":
+                found[int(folder.name)] = int(parent), (folder / "cmdline").read_text().replace("\0", " ")
+    return found
+
+
+def descendants(pid: int) -> list[int]:
+    """Processes that a process started, and those that they started."""
+    every, found = processes(), [pid]
+    for one in found:
+        found += [child for child, (parent, _) in every.items() if parent == one]
+    return found[1:]
+
+
+def nothing_is_left(pids: list[int]) -> bool:
+    """Whether processes end within a minute, those on a busy machine too."""
+    until = time.monotonic() + 60.0
+    while (left := set(pids) & processes().keys()) and time.monotonic() < until:
+        time.sleep(0.1)
+    return not left
+
+
+@pytest.mark.parametrize("where", ["1 worker", "2 workers", "a cluster"])
+def test_of_two_hundred_trials_twenty_five_misbehave_and_no_other_is_touched(where: str, tmp_path: Path) -> None:
+    """10 abort, 5 hang in C and hold the interpreter, 5 raise, 5 return NaN: 175 are those of a clean campaign."""
+    (tmp_path / "clean.toml").write_text(misdeeds.plan(200, False, 60.0))
+    (tmp_path / "odd.toml").write_text(misdeeds.plan(200, True, 15.0))
+    with contextlib.ExitStack() as stack:
+        options = ["--workers", where[0]]
+        if where == "a cluster":
+            pytest.importorskip("distributed")
+            options = ["--cluster", stack.enter_context(Cluster(tmp_path)).address]
+        took, seen = {}, set()
+        for name in ("clean", "odd"):
+            began = time.perf_counter()
+            process = start(tmp_path / f"{name}.toml", tmp_path / name, *options)
+            while process.poll() is None:
+                seen |= set(descendants(process.pid))
+                time.sleep(0.5)
+            finish(process)
+            took[name] = time.perf_counter() - began
+        assert nothing_is_left(sorted(seen))
+    hung = 5 * 16.0 / (1 if where[0] == "1" else 2)
+    print(f"{where}: clean {took['clean']:.1f} s, with misdeeds {took['odd']:.1f} s, of which {hung:.0f} s of hanging")
+    misdeeds.check(results(tmp_path / "odd"), results(tmp_path / "clean"))
+
+
+def test_a_hundred_kills_of_campaign_worker_and_scheduler_change_no_row(tmp_path: Path) -> None:
+    """70 here, of the campaign, its template or a worker; 30 of campaign, worker and scheduler of a cluster."""
+    plan = write(tmp_path, controllers='"zd-pd"', steps=1, trials=1200, **NOISE)
+    finish(start(plan, tmp_path / "undisturbed"))
+    expected, moment = results(tmp_path / "undisturbed"), random.Random(2)
+    out, kills = tmp_path / "killed", dict.fromkeys(("campaign", "process of it"), 0)
+    process = start(plan, out)
+    while sum(kills.values()) < 70:
+        time.sleep(moment.uniform(0.1, 3.0))
+        target = moment.choice(sorted(kills))
+        victims = [process.pid] if target == "campaign" else descendants(process.pid)
+        if process.poll() is None and victims:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(moment.choice(victims), signal.SIGKILL)
+                kills[target] += 1
+        if target == "campaign" or process.poll() is not None:
+            process.communicate()
+            if count(out) == len(expected):  # all is done before the kills are
+                out = out.with_name(f"{out.name}-again")
+            process = start(plan, out)
+    finish(process)
+    assert results(out) == expected
+    print(f"here: {kills}")
+    pytest.importorskip("distributed")
+    out, kills = tmp_path / "on-cluster", dict.fromkeys(("campaign", "scheduler", "worker"), 0)
+    with Cluster(tmp_path) as cluster:
+        process = start(plan, out, "--cluster", cluster.address)
+        while sum(kills.values()) < 30:
+            time.sleep(moment.uniform(1.0, 6.0))
+            target = moment.choice(sorted(kills))
+            kills[target] += 1
+            if target == "worker":
+                victim = moment.randrange(2)
+                _kill_group(cluster.workers[victim])
+                cluster.workers[victim] = cluster.worker()
+            elif target == "scheduler":
+                _kill_group(cluster.scheduler)
+                _, err = process.communicate(timeout=300)
+                assert process.returncode in (0, 2) and err.count("\n") == (process.returncode == 2), err
+                cluster.end()
+                cluster.begin()
+            else:
+                process.kill()
+                process.communicate()
+            if process.poll() is not None:
+                if count(out) == len(expected):
+                    out = out.with_name(f"{out.name}-again")
+                process = start(plan, out, "--cluster", cluster.address)
+        finish(process)
+    assert results(out) == expected
+    print(f"on a cluster: {kills}")
 
 
 def _kill_group(process: subprocess.Popen) -> None:

@@ -172,15 +172,19 @@ def _disk_full(error: BaseException | None) -> bool:
 
 def warm_up(spec: TrialSpec) -> None:
     """Compile and load what a trial needs, once a process, so that it is not on the trial's clock."""
-    if spec.controller not in BUILT_IN:
-        return  # one from outside may count its ticks
-    scenario = spec.plan.scenario
-    _warm_up(scenario.walker, scenario.gait, spec.controller, scenario.controller.solver)
+    compile_for(*what_to_compile(spec.plan.scenario, spec.controller))
+
+
+def what_to_compile(scenario: Scenario, controller: str) -> tuple[str, str, str, str]:
+    """Arguments of `compile_for`; for a controller from outside, which may count its ticks, what is around it."""
+    if controller in BUILT_IN:
+        return scenario.walker, scenario.gait, controller, scenario.controller.solver
+    return scenario.walker, scenario.gait, "zd-pd", Scenario().controller.solver
 
 
 @functools.cache
-def _warm_up(walker: str, gait: str, kind: str, solver: str) -> None:
-    """One step under a push."""
+def compile_for(walker: str, gait: str, kind: str, solver: str) -> None:
+    """Walk one step under a push."""
     from sim.bridge.run import known_belief, run_scenario
 
     changes = {"walker": walker, "gait": gait, "controller.kind": kind, "controller.solver": solver, "steps": 1}

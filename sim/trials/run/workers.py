@@ -24,7 +24,7 @@ from sim.runner.tasks import PRINTED
 from sim.trials.plan import Plan
 from sim.trials.run.origin import origin
 from sim.trials.run.result import ERROR, GAVE_UP, TrialResult
-from sim.trials.run.trial import TrialSpec, result_without_run, run_trial, warm_up
+from sim.trials.run.trial import TrialSpec, compile_for, result_without_run, run_trial, warm_up, what_to_compile
 
 Stop = Callable[[], str | None]
 Id = tuple[str, int]
@@ -122,10 +122,11 @@ def local(campaign: Campaign, workers: int) -> Execute:
 
 def _warm(campaign: Campaign, stop: Stop) -> None:
     """Compile and load once, for all workers to come; what is the user's own code is left to them."""
+    scenario = campaign.plan.scenario
     for kind in campaign.plan.controllers:
-        if kind in BUILT_IN and not stop():
-            spec = campaign.spec((kind, 0))
-            nursery().warm(warm_up, (spec,), origin(campaign.plan.scenario, kind), stop)
+        if not stop():
+            built_in = kind if kind in BUILT_IN else "zd-pd"
+            nursery().warm(compile_for, what_to_compile(scenario, kind), origin(scenario, built_in), stop)
 
 
 def connect(address: str) -> Any:
