@@ -1,5 +1,6 @@
 """`cmpc trials`: run a plan of many trials, look at one of them, rebuild the pages, measure."""
 
+import json
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
@@ -28,6 +29,7 @@ also:
   cmpc trials show DIR --trial ID       one trial and its figures; ID is CONTROLLER/NUMBER
   cmpc trials report DIR                write the pages, the table and the plots again
   cmpc trials retry DIR [--errors]      try again what was given up, and what ended in an error
+  cmpc trials numerics PLAN --out DIR   the same under other numerics: what depends on the simulator
   cmpc trials bench                     trials a second on this machine, against the targets
   cmpc run --from-trial DIR#ID          run one trial again, with its full log
 
@@ -41,7 +43,13 @@ a lost connection, Ctrl-C and SIGTERM
 
 def add_parser(commands: Any, argv: Sequence[str]) -> None:
     """Add the parser of `cmpc trials`: of a plan, or of one of the words that are no plan."""
-    others = {"show": _add_show, "report": _add_report, "bench": _add_bench, "retry": _add_retry}
+    others = {
+        "numerics": _add_numerics,
+        "show": _add_show,
+        "report": _add_report,
+        "bench": _add_bench,
+        "retry": _add_retry,
+    }
     if argv and argv[0] in others:
         actions = commands.add_parser("trials").add_subparsers()
         others[argv[0]](actions.add_parser(argv[0]))
@@ -168,6 +176,43 @@ def _finish(results: "Results", out: Path) -> None:
     page = write_report(results, out)
     print(summarise(results))
     print(f"page: {page}")
+
+
+def _add_numerics(parser: flags.Parser) -> None:
+    parser.set_defaults(run=_numerics)
+    parser.add_argument("plan", metavar="PLAN|FILE.toml", help="a shipped plan (such as headlines) or a plan file")
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder of the results, made if missing")
+    parser.add_argument("--variants", metavar="LIST", help="some of the variants, with semicolons between")
+    parser.add_argument("--workers", type=flags.whole(1), metavar="INT", help="processes (default: one a core)")
+
+
+def _numerics(found: Namespace) -> int:
+    from sim.trials import numerics
+    from sim.trials.plan import load_plan
+
+    names = [name.strip() for name in found.variants.split(";")] if found.variants else list(numerics.VARIANTS)
+    for name in names:
+        if name not in numerics.VARIANTS:
+            guess = flags.nearest(name, numerics.VARIANTS)
+            raise UserError(f"--variants: no variant {name!r}; {guess}There are: {'; '.join(numerics.VARIANTS)}")
+    from sim.terminal.interrupt import stop_on_signal
+    from sim.trials.run import run_plan
+
+    out = Path(found.out)
+    with stop_on_signal() as stop:
+
+        def run(plan: "Plan", folder: Path) -> "Results":
+            note(plan.name)
+            return run_plan(plan, folder, workers=found.workers, stop=stop)
+
+        page = numerics.run(load_plan(found.plan), out, names, run)
+    if page is None:
+        print("stopped; the same command goes on from here", file=sys.stderr)
+        return 128 + stop.signum
+    for claim in json.loads((out / numerics.DATA).read_text(encoding="utf-8"))["claims"]:
+        print(f"{claim['name']}: {claim['said'][numerics.AS_IT_IS]}; {claim['verdict']}")
+    print(f"page: {page}")
+    return 0
 
 
 def _add_bench(parser: flags.Parser) -> None:

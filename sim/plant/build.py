@@ -11,6 +11,7 @@ from sim.errors import UserError
 from sim.interface import FEET, JOINTS, LEGS, LINKS
 from sim.plant.terrain import Terrain
 from sim.scenario import PlantSettings
+from sim.scenario.plant import ContactSettings
 
 BASE = ("hip_x", "hip_z", "torso")
 """Joints of the planar base."""
@@ -25,6 +26,8 @@ INTEGRATORS = {
     "RK4": mujoco.mjtIntegrator.mjINT_RK4,
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,
 }
+
+CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
 
 _THICKNESS = 2.0  # [m] of the boxes that uneven ground is made of
 _WIDTH = 2.0  # [m], across the plane of motion
@@ -58,6 +61,7 @@ def build_spec(settings: PlantSettings, model_path: Path, terrain: Terrain | Non
             raise UserError(f'model file {model_path}: has no {kind} named "{name}"')
         return found
 
+    _set_numerics(settings.contact, spec, part)
     _set_contact(settings, part)
     if settings.ground.is_plane:
         half = settings.ground.slope / 2  # [rad], about (0, -1, 0) as every angle
@@ -125,6 +129,23 @@ def _in_one_line(error: Exception) -> str:
     """What MuJoCo complains about."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return "; ".join(lines[:2]) if lines else "unreadable"
+
+
+def _set_numerics(contact: ContactSettings, spec: mujoco.MjSpec, part: Part) -> None:
+    """Cone, impedance and size of the feet's contact where they are not to be those of the file."""
+    if contact.cone != "model":
+        spec.option.cone = CONES[contact.cone]
+    if contact.impratio is not None:
+        spec.option.impratio = contact.impratio
+    for name in FEET:
+        geom = part("geom", name)
+        if contact.time_constant is not None:
+            geom.solref = [contact.time_constant, geom.solref[1]]
+        if contact.impedance is not None:
+            _, most, *rest = geom.solimp
+            geom.solimp = [contact.impedance, max(most, contact.impedance), *rest]
+        if contact.foot_radius is not None:
+            geom.size = [contact.foot_radius, *geom.size[1:]]
 
 
 def _set_contact(settings: PlantSettings, part: Part) -> None:

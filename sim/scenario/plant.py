@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from controller.units import (
     AT_LEAST_ONE,
+    FRACTION,
     NOT_NEGATIVE,
     POSITIVE,
     SLOPE,
@@ -123,6 +124,26 @@ class GroundSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ContactSettings:
+    """Numerics of MuJoCo's contact, for asking what depends on them; the rigid plant has none of them.
+
+    Attributes:
+        cone: Friction cone; "model" for that of the walker's file.
+        impratio: Ratio of frictional to normal impedance; none for that of the file.
+        time_constant: First number of the feet's solref; none for that of the file.
+        impedance: First number of the feet's solimp, their least impedance; none for that of the file. The second is
+            raised where it would be below.
+        foot_radius: Radius of the feet's spheres; none for that of the file.
+    """
+
+    cone: Literal["model", "elliptic", "pyramidal"] = "model"
+    impratio: Annotated[float | None, Unit("ratio"), POSITIVE] = None
+    time_constant: Annotated[float | None, Unit("s"), POSITIVE] = None
+    impedance: Annotated[float | None, Unit("ratio"), FRACTION] = None
+    foot_radius: Annotated[float | None, Unit("m"), POSITIVE] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlantSettings:
     """The true walker and its world; what differs from the model here, the controller does not know.
 
@@ -134,6 +155,7 @@ class PlantSettings:
         integrator: MuJoCo's integrator.
         saturation: Whether the motors saturate at their torque limits.
         ground: The floor.
+        contact: Numerics of the contact.
         mass_factor: Factors on the links' masses.
         mass_offset: Masses added to the links, after the factor.
         inertia_follows_mass: Whether a link's rotational inertia changes in proportion to its mass.
@@ -159,6 +181,7 @@ class PlantSettings:
     integrator: Literal["implicitfast", "RK4", "implicit", "Euler"] = "implicitfast"
     saturation: bool = True
     ground: GroundSettings = dataclasses.field(default_factory=GroundSettings)
+    contact: ContactSettings = dataclasses.field(default_factory=ContactSettings)
     mass_factor: BodyFactors = dataclasses.field(default_factory=BodyFactors)
     mass_offset: BodyMasses = dataclasses.field(default_factory=BodyMasses)
     inertia_follows_mass: bool = True
