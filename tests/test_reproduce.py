@@ -332,6 +332,7 @@ def test_readings_follow_their_data() -> None:
     found = readings.evaluate(results, Effort())
     assert holds(found, "rigid") == [True] * len(readings.READINGS)
     assert "ZD+PD 25 walks, 30 walks, 40 falls in step 3" in found.verdicts[0].rigid.text
+    assert [len(row) for row in found.panels] == [2, 2]  # a plant a row, a controller a column
     results["mujoco/zd-pd/at the hip"] = run(True, True, True)
     assert holds(readings.evaluate(results, Effort()), "mujoco").count(False) == 1
 

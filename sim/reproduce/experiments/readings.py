@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from sim.reproduce.panels import BLACK, BLUE, GREY, ORANGE, LinePanel, Series
 from sim.reproduce.study import (
     CONTROLLER_NAMES,
     CONTROLLERS,
+    PLANT_NAMES,
     PLANTS,
     Arrays,
     Effort,
@@ -33,6 +35,8 @@ READINGS: Mapping[str, Mapping[str, Any]] = {
     "at the centre of mass, no damping in any joint or belief": PUSH,
 }
 UNDAMPED = "no damping"
+COLOURS = (BLACK, ORANGE, BLUE, GREY, BLUE)
+DASHES = ("solid", "solid", "solid", "dashed", "dotted")
 
 
 def tasks(effort: Effort) -> Mapping[str, Task]:
@@ -59,6 +63,27 @@ def _words(found: Arrays) -> str:
         f"{force:g} {'walks' if walked else f'falls in step {steps + 1}'}"
         + (f" ({1e3 * depth:.1f} mm in the ground)" if depth > 0.0 else "")
         for force, walked, steps, depth in zip(FORCES, found["walked"], found["steps"], found["scuff"], strict=True)
+    )
+
+
+def _panel(results: Results, plant: str, controller: str) -> LinePanel:
+    """Steps completed against the force, a line a reading."""
+    lines = [
+        Series(
+            name=reading,
+            x=np.array(FORCES),
+            y=results[f"{plant}/{controller}/{reading}"]["steps"].astype(float),
+            colour=COLOURS[i],
+            dash=DASHES[i],
+            marker=True,
+        )
+        for i, reading in enumerate(READINGS)
+    ]
+    return LinePanel(
+        title=f"{PLANT_NAMES[plant]}: {CONTROLLER_NAMES[controller]}",
+        x_label="force [N]",
+        y_label="steps completed",
+        series=tuple(lines),
     )
 
 
@@ -91,7 +116,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     }
     return Evaluation(
         verdicts=tuple(sentence(reading) for reading in READINGS),
-        panels=(),
+        panels=tuple(tuple(_panel(results, plant, controller) for controller in CONTROLLERS) for plant in PLANTS),
         tables=tables,
         notes=(
             "The paper says neither where on the torso the force attacks nor how long a step lasts that it shortens; "
