@@ -16,7 +16,8 @@ from sim.bridge.run import run_scenario
 from sim.errors import UserError
 from sim.log.read import read_log
 from sim.log.read.attachments import scenario_of
-from sim.scenario import Scenario, from_toml, to_toml, with_value, with_values
+from sim.reproduce.study import Effort
+from sim.scenario import Scenario, from_toml, names_a_path, to_toml, with_value, with_values
 from sim.settings.tree import spec_at
 from sim.trials.plan.plan import from_toml as plan_from_toml
 from sim.trials.run import run_plan
@@ -276,3 +277,63 @@ def test_a_built_in_controller_that_gives_no_number_is_an_error_too(tmp_path, ki
     assert summary.outcome in ("error", "fell")
     if summary.outcome == "error":
         assert "not finite" in summary.message and read_log(log).metadata["result"]["outcome"] == "error"
+
+
+def test_a_step_map_a_basin_a_benchmark_and_a_reproduction_take_it(pd, tmp_path, capsys):
+    rigid = ["--plant.kind", "rigid", "--plant.timestep", "0.001", "--quiet"]
+    broken = odd(tmp_path, "return [0.0] * (4 if self.k < 9 else 3)")
+    assert cli.main(["poincare", *rigid, "--controller", broken]) == 2
+    err = capsys.readouterr().err
+    assert "odd.py, line 7" in err and err.count("\n") == 1
+    span = [
+        "--torso",
+        "0",
+        "0.02",
+        "2",
+        "--force",
+        "0",
+        "5",
+        "2",
+        "--limit",
+        "2",
+        "--workers",
+        "1",
+        "--out",
+        str(tmp_path / "basin"),
+    ]
+    assert cli.main(["basin", *rigid, *span, "--controller", broken]) == 2
+    assert "odd.py, line 7" in capsys.readouterr().err
+    assert cli.main(["bench", "--quick", "--controller", broken]) == 2
+    assert "odd.py, line 7" in capsys.readouterr().err
+    effort = Effort(changes={"controller.kind": pd, "controller.settings.kp": 250.0})
+    kinds = [from_toml(effort.scenario("rigid", name)).controller for name in ("zd-pd", "c-mpc")]
+    assert kinds[0].kind == "zd-pd" and (kinds[1].kind, kinds[1].settings.kp) == (pd, 250.0)
+
+
+def test_a_log_of_a_gait_with_a_dot_or_a_space_in_its_name_replays_identically(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("L0.40-v0.80", "my gait", "gång"):
+        (tmp_path / f"{name}.toml").write_text((ROOT / "models/rabbit/gaits/L0.40-v0.80.toml").read_text())
+        log = tmp_path / f"{name}.mcap"
+        walk("zd-pd", log, gait=f"./{name}.toml", steps=1)
+        assert cli.main(["replay", str(log), "--quiet"]) == 0, capsys.readouterr().out
+        assert "identical" in capsys.readouterr().out
+
+
+def test_a_walker_without_the_default_gait_walks_its_own_and_words_are_suggested(capsys):
+    summary = walk("zd-pd", walker="rabbit-tac", steps=1)
+    assert summary.outcome == "completed"
+    for argv, words in {
+        ("--walker", "rabit"): "did you mean rabbit?",
+        ("--gait", "papr"): "did you mean paper?",
+        ("--controller.solver", "ricati"): "did you mean riccati?",
+        ("--controller", "zdpd"): "did you mean zd-pd?",
+    }.items():
+        assert cli.main(["run", *argv, "--no-log"]) == 2
+        assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("separator", ["/", "\\"])
+def test_a_path_with_slashes_is_a_path_whatever_the_systems_separator(monkeypatch, separator):
+    monkeypatch.setattr(os, "sep", separator)
+    assert names_a_path("./mine") and names_a_path("a/b") and not names_a_path("rabbit")

@@ -1,5 +1,7 @@
 """Solvers by name: `riccati`, or any that qpsolvers finds installed."""
 
+import difflib
+
 import qpsolvers
 
 from controller.errors import UserError
@@ -29,7 +31,9 @@ def make_solver(name: str, N: int, r: int) -> Solver:
         UserError: unknown or not installed solver.
     """
     if name not in available():
-        raise UserError(f"controller.solver = {name!r}; must be one of {', '.join(available())}")
+        near = difflib.get_close_matches(name, available(), n=1)
+        guess = f"did you mean {near[0]}? " if near else ""
+        raise UserError(f"controller.solver = {name!r}; {guess}must be one of {', '.join(available())}")
     if name == RICCATI:
         return RiccatiSolver(N, r, tuple(SparseSolver(other, N) for other in NEXT_IN_LINE))
     return SparseSolver(name, N)

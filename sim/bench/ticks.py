@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from sim.bridge.run import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
+from sim.errors import UserError
 from sim.log.format.fields import STATUSES
 from sim.loop import NoTape, Ticks
 from sim.scenario import Scenario, load, with_values
@@ -121,6 +122,23 @@ def rival_ticks(steps: int) -> list[Figure]:
             Figure(name=f"tick of {kind}, 99 %", value=p99, unit="ms"),
         ]
     return figures
+
+
+def ticks_of(kind: str, *, quick: bool) -> list[Figure]:
+    """Ticks of one controller, from outside perhaps, over the four runs.
+
+    Raises:
+        UserError: it broke.
+    """
+    tape, steps = TickTimes(), 3 if quick else 8
+    for name in RUNS:
+        summary = run_scenario(_walk(name, steps, **{"controller.kind": kind}), tape=tape)
+        if summary.outcome == "error":
+            raise UserError(summary.message)
+    quantiles = np.quantile(1e3 * np.array(tape.seconds), [0.5, 0.99, 0.999]).tolist()
+    names = ("median", "99 %", "99.9 %")
+    figures = [Figure(name=f"tick, {name}", value=ms, unit="ms") for name, ms in zip(names, quantiles, strict=True)]
+    return [*figures, Figure(name="ticks", value=float(len(tape.seconds)), unit="")]
 
 
 def _tick_quantiles(kind: str, steps: int) -> tuple[float, float, float]:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from controller import outside
+from controller.settings import BUILT_IN
 from sim.commands.options import add_quiet, add_scenario, add_workers, scenario_of
 from sim.errors import UserError
 from sim.scenario import Scenario, to_toml, with_value
@@ -107,8 +109,15 @@ def _map(
     store = TaskStore(out / "tasks")
     files = tuple(str(path) for path in ModelFiles.of(scenario).read)
     wanted = {}
-    for controller in CONTROLLERS:
-        text = to_toml(with_value(scenario, "controller.kind", controller))
+    law = scenario.controller.kind  # one from outside takes the place of C-MPC
+    kinds = {controller: controller for controller in CONTROLLERS}
+    labels = dict(CONTROLLER_NAMES)
+    if law not in BUILT_IN:
+        kinds["c-mpc"] = labels["c-mpc"] = law
+        file, _ = outside.source_of(law)
+        files += (str(file),) if file else ()
+    for controller, kind in kinds.items():
+        text = to_toml(with_value(scenario, "controller.kind", kind))
         for i, offset in enumerate(grid.torso.tolist()):
             wanted[f"{controller}/{i}"] = Task(
                 function="sim.reproduce.basin:column",
@@ -131,7 +140,9 @@ def _map(
             return 128 + stop.signum
     results = {name: store.get(task) or {} for name, task in wanted.items()}
     zd, mpc = inside = [fig8.converged(results, "", controller, grid) for controller in CONTROLLERS]
-    panel = fig8.panel(zd, mpc, grid, title=f"{scenario.name}, {PLANT_NAMES[scenario.plant.kind]}")
+    title = f"{scenario.name}, {PLANT_NAMES[scenario.plant.kind]}"
+    title += f"; {law} in place of C-MPC" if law not in BUILT_IN else ""
+    panel = fig8.panel(zd, mpc, grid, title=title)
     draw.draw(((panel,),), "Basins of attraction", out / "basin.png")
     report.write_csv(out / "basin.csv", fig8.table(results, "", grid))
     areas = {
@@ -141,6 +152,6 @@ def _map(
     for controller, area in areas.items():
         fates = [int(fate) for i in range(len(grid.torso)) for fate in results[f"{controller}/{i}"]["fate"]]
         counts = ", ".join(f"{fates.count(fate)} {fate.name.lower()}" for fate in Fate)
-        print(f"{CONTROLLER_NAMES[controller]:<6} {area:8.2f} rad N   {counts}")
+        print(f"{labels[controller]:<6} {area:8.2f} rad N   {counts}")
     print(f"map: {out / 'basin.png'}\ndata: {out / 'basin.csv'}", flush=True)
     return 0

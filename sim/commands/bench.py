@@ -19,12 +19,17 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser = commands.add_parser("bench", description=__doc__)
     parser.set_defaults(run=_run)
     parser.add_argument("--quick", action="store_true", help="shorter runs, noisier figures")
+    parser.add_argument("--controller", metavar="KIND", help="ticks of this controller alone, such as ./mine.py:make")
     add_json(parser, "the figures")
 
 
 def _run(found: Namespace) -> int:
-    from sim.bench.ticks import benchmark
+    from sim.bench.ticks import benchmark, ticks_of
 
+    if found.controller is not None:
+        console.note(f"ticks of {found.controller}")
+        show(ticks_of(found.controller, quick=found.quick), as_json=found.json)
+        return 0
     show(benchmark(quick=found.quick, say=console.note), as_json=found.json)
     return 0
 

@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sim.commands.options import add_quiet, add_workers
+from controller import outside
+from controller.settings import BUILT_IN
+from sim.commands.options import add_quiet, add_workers, with_controller
 from sim.errors import UserError
 from sim.reproduce import EXPERIMENTS
 from sim.scenario import Scenario, with_values
@@ -52,7 +54,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     own.add_argument("--out", metavar="FOLDER", help=text)
     add_workers(own)
     add_quiet(own)
-    flags.add_settings(parser, Scenario(), argv)
+    flags.add_settings(parser, with_controller(Scenario(), argv), argv)
 
 
 def _run(found: Namespace) -> int:
@@ -84,7 +86,10 @@ def _reproduce(
     def files(name: str) -> tuple[str, ...]:
         """What a task reads; its name begins with its gait."""
         gait = {} if "gait" in changes else {"gait": name.partition("/")[0]}
-        return tuple(str(path) for path in ModelFiles.of(with_values(Scenario(), {**changes, **gait})).read)
+        changed = with_values(Scenario(), {**changes, **gait})
+        kind = changed.controller.kind
+        law = outside.source_of(kind)[0] if kind not in BUILT_IN else None
+        return tuple(str(path) for path in (*ModelFiles.of(changed).read, *([law] if law else [])))
 
     wanted = {
         name: {key: replace(task, files=files(key)) for key, task in tasks_of(module, effort).items()}

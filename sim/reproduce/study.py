@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.settings import BUILT_IN
 from sim.reproduce.panels import Panel
 from sim.runner import Task as Task
 from sim.scenario import Scenario, to_toml, with_values
@@ -67,7 +68,11 @@ class Effort:
             "plant.timestep": 1e-3 if plant == "rigid" else 0.25e-3,
             "controller.kind": controller,
         }
-        return to_toml(with_values(Scenario(), {**base, **self.changes, **(changes or {})}))
+        wanted = {**base, **self.changes, **(changes or {})}
+        if wanted["controller.kind"] not in BUILT_IN and controller != "c-mpc":
+            wanted["controller.kind"] = controller  # one from outside takes the place of C-MPC alone
+            wanted = {path: value for path, value in wanted.items() if not path.startswith("controller.settings.")}
+        return to_toml(with_values(Scenario(), wanted))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -56,13 +56,18 @@ def shipped() -> dict[str, str]:
     return {path.stem: from_toml(path).description for path in sorted(SHIPPED.glob("*.toml"))}
 
 
+def names_a_path(word: str) -> bool:
+    """Whether a word is a path and no name: "/" is one on every system, whatever its own separator."""
+    return word.endswith(".toml") or "/" in word or os.sep in word or word in (".", "..")
+
+
 def load(name: str) -> Scenario:
     """A shipped scenario by name, or any other by the path of its .toml file.
 
     Raises:
         UserError: no such name (the message has the nearest and the list), or an illegal file.
     """
-    if name.endswith(".toml") or os.sep in name:
+    if names_a_path(name):
         return from_toml(Path(name))
     path = SHIPPED / f"{name}.toml"
     if not path.is_file():

@@ -92,7 +92,8 @@ class Scenario:
         time_limit: Simulated time after which the run ends anyway; 0 allows 2 s for each step.
         seed: Seed of everything random.
         walker: A folder under models/, or a path to one.
-        gait: A name in the walker's gaits/, or a path to a .toml file.
+        gait: A name in the walker's gaits/, or a path to a .toml file; a walker that has no gait "paper" walks the
+            first of its own by default.
         controller: The controller and its beliefs.
         plant: The true walker and its world.
         sensors: What stands between the plant and the controller's eyes.

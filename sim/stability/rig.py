@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.errors import UserError
 from sim.interface import Controller, Plant, Vector
 from sim.loop import Course, Loop, Outcome, RunSummary, Stop, Tape
 from sim.scenario import Push, Scenario
@@ -60,6 +61,9 @@ class Rig:
             steps: Steps after which the run is completed; by default the scenario's.
             end_time: Time after which it ends anyway in [s]; by default the scenario's, or 2 s for each step.
             stop: Asked every tick; a reason ends the run as interrupted.
+
+        Raises:
+            UserError: the controller broke.
         """
         steps = self.course.steps if steps is None else steps
         course = dataclasses.replace(
@@ -70,7 +74,10 @@ class Rig:
             steps=steps,
             end_time=end_time or max(self.course.end_time, 2.0 * steps),
         )
-        return Loop(plant=self.walker(), controller=self.controller, course=course, tape=tape).run(stop=stop)
+        summary = Loop(plant=self.walker(), controller=self.controller, course=course, tape=tape).run(stop=stop)
+        if summary.outcome == Outcome.ERROR.value:
+            raise UserError(summary.message)  # of a controller from outside; no fall, and no property of the walk
+        return summary
 
     def sections(self) -> SectionTape:
         """A tape for the section states of the next run."""

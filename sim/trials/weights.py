@@ -15,7 +15,7 @@ from typing import Any
 
 from sim import search
 from sim.errors import UserError
-from sim.scenario import Scenario, load, with_values
+from sim.scenario import Scenario, load, names_a_path, with_values
 from sim.settings import tree as settings
 from sim.trials.plan import Plan
 from sim.trials.report.stats import mcnemar
@@ -234,4 +234,4 @@ def _scenario(base: Scenario, point: search.Point, found: Mapping[str, Any]) -> 
 
 def _absolute(name: str) -> str:
     """A path that holds in any folder; a plain name stays."""
-    return os.path.abspath(name) if os.sep in name or name.endswith(".toml") else name
+    return os.path.abspath(name) if names_a_path(name) else name

@@ -1,13 +1,16 @@
 """Where walkers and their gaits lie on disk: a folder each, with `<name>.xml`, `<name>.urdf` and `gaits/`."""
 
-import os
+import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from sim.errors import UserError
+from sim.scenario import Scenario, names_a_path
 
 SHIPPED = Path(__file__).resolve().parents[2] / "models"
 """Beside this package in a checkout and in an installation alike."""
+DEFAULT_GAIT = Scenario().gait
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,11 +36,10 @@ class WalkerFolder:
         Raises:
             UserError: no such folder, or a model file is missing in it.
         """
-        is_path = os.sep in walker or walker in (".", "..")
-        folder = (Path(walker) if is_path else SHIPPED / walker).resolve()
+        folder = (Path(walker) if names_a_path(walker) else SHIPPED / walker).resolve()
         if not folder.is_dir():
             names = sorted(p.name for p in SHIPPED.iterdir() if (p / f"{p.name}.urdf").is_file())
-            raise UserError(f"walker = {walker!r}: no such folder; legal: one of {names}, or the path of a folder")
+            raise UserError(f"walker = {walker!r}: no such folder; {_choice(walker, names)}, or the path of a folder")
         found = cls(
             name=folder.name,
             mjcf=folder / f"{folder.name}.xml",
@@ -57,11 +59,21 @@ class WalkerFolder:
     def gait(self, gait: str) -> Path:
         """A gait file by its name in `gaits/`, or by its path.
 
+        The default of scenarios, "paper", is RABBIT's; a walker that has none of that name walks the first of its own.
+
         Raises:
             UserError: no such file.
         """
-        path = Path(gait) if gait.endswith(".toml") or os.sep in gait else self.gaits / f"{gait}.toml"
-        if not path.is_file():
-            names = sorted(p.stem for p in self.gaits.glob("*.toml"))
-            raise UserError(f"gait = {gait!r}: no such gait; legal: one of {names}, or the path of a .toml file")
-        return path
+        path = Path(gait) if names_a_path(gait) else self.gaits / f"{gait}.toml"
+        if path.is_file():
+            return path
+        own = sorted(self.gaits.glob("*.toml"))
+        if gait == DEFAULT_GAIT and own:
+            return own[0]
+        names = [p.stem for p in own]
+        raise UserError(f"gait = {gait!r}: no such gait; {_choice(gait, names)}, or the path of a .toml file")
+
+
+def _choice(word: str, names: Sequence[str]) -> str:
+    near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
+    return f"{f'did you mean {near[0]}? ' if near else ''}must be one of {', '.join(map(repr, names)) or 'none'}"

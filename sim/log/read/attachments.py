@@ -23,6 +23,7 @@ LARGEST_MODEL = 4 * 2**20  # [B]; ours have 6 kB
 LARGEST_IMAGE = 8192  # [pixel]
 _LIBRARY_FILE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,80}\.toml")
 _IMAGE = ("width", "height", "offwidth", "offheight", "shadowsize")
+LONGEST_NAME = 200  # [B] of an attached file
 DEEPEST = 100  # levels of nested XML elements
 _OUTSIDE = ("file", "dir", "url", "path")
 """An attribute whose name contains one of these reaches out of the model, to a mesh, a texture or another model."""
@@ -135,9 +136,11 @@ def _library(data: bytes) -> dict[str, str]:
 
 
 def _name(name: str, suffix: str) -> str:
-    """The attachment's own name where it is a plain one, so that a new log calls it the same."""
-    stem = name.removesuffix(suffix)
-    return name if stem.replace("-", "").replace("_", "").isalnum() and stem.isascii() else f"model{suffix}"
+    """The attachment's own name where a file may be called that, so that a new log calls it the same."""
+    plain = (
+        name.isprintable() and not set(name) & set('/\\:*?"<>|') and name[0] not in ". " and len(name) <= LONGEST_NAME
+    )
+    return name if plain and len(name.encode(errors="replace")) <= LONGEST_NAME else f"model{suffix}"
 
 
 def _is_huge(text: str) -> bool:

@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import difflib
 import hashlib
-import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from controller import outside
 from controller.settings import BUILT_IN
 from controller.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.errors import UserError
-from sim.scenario import Scenario
+from sim.scenario import Scenario, names_a_path
 from sim.settings import tree as settings
 from sim.settings.spec import leaf
 from sim.trials.plan.axis import Axis, Value, changes, check_axes, label, scenario_at
@@ -196,7 +195,7 @@ def load_plan(name: str) -> Plan:
         UserError: no such name (the message has the nearest and the list), or an illegal file.
     """
     path = Path(name)
-    if not (name.endswith(".toml") or os.sep in name):
+    if not names_a_path(name):
         path = SHIPPED / f"{name}.toml"
         if not path.is_file():
             names = shipped_names()
