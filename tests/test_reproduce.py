@@ -91,6 +91,7 @@ def made_up_walk(**changes) -> dict:
         "slack": np.zeros(n),
         "outcome": np.array(0),
         "steps": np.array(10),
+        "torque_limit": np.array([75.0, 75.0, 50.0, 50.0]),
     }
     return run | changes
 

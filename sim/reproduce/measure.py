@@ -1,6 +1,7 @@
 """What worker processes do: run scenarios and bring back plain arrays."""
 
 import functools
+import math
 import re
 import shutil
 import tempfile
@@ -10,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interface import Vector
+from sim.interface import JOINTS, Vector
 from sim.loop import FallCriteria, NoTape, Outcome, Ticks
 from sim.scenario import Scenario, from_toml, with_values
 from sim.stability.rig import Rig
+from sim.trials.plan.margin import between, bracket
 from sim.walkers import ModelFiles
 
 _SWAPPED = np.array([1, 0, 3, 2])
@@ -93,15 +95,22 @@ def _rig(scenario: str) -> Rig:
 
 
 def walk(scenario: str) -> dict[str, NDArray[Any]]:
-    """One run: its time histories (`Record.arrays`), "outcome" as an index of `OUTCOMES`, "steps" completed."""
+    """One run: its time histories (`Record.arrays`), and what it was judged and drawn by.
+
+    "outcome" as an index of `OUTCOMES`, "steps" completed, "torque_limit" (4,) of the walker in [N.m], the lower one of
+    both legs, infinite where there is none, "femur" (2,) their lengths in [m].
+    """
     rig = _rig(scenario)
     record = Record(rig.plant.torque_limits)
     summary = rig.run(record)
+    limits = np.array([summary.torque_limit_Nm.get(joint, math.inf) for joint in JOINTS])
     return {
         **record.arrays(rig.scenario.controller.period),
         "outcome": np.array(OUTCOMES.index(summary.outcome)),
         "steps": np.array(summary.steps),
         "tick_ms": np.array(summary.tick_ms["median"]),
+        "torque_limit": np.minimum(limits, limits[_SWAPPED]),
+        "femur": np.array(rig.surface.legs.lengths)[:, 0],
     }
 
 
@@ -157,7 +166,8 @@ def largest_survived(
         scenario: The scenario as TOML.
         path: Dotted path of the setting.
         sign: 1 for values above 0, -1 for values below.
-        stride: Magnitudes are tried upwards in this stride until the walker falls, then bisected.
+        stride: Magnitudes are tried upwards in this stride, a whole number of resolutions, until the walker falls;
+            then the bracket is halved as that of a margin study is (`sim.trials.plan.margin`).
         resolution: Width of the last bracket.
         limit: Largest magnitude tried.
 
@@ -176,13 +186,16 @@ def largest_survived(
             walked, depth = fates[magnitude]
             return walked and not (trips and depth > TRIP_DEPTH)
 
-        low, high = 0.0, stride
-        while high <= limit and survived(high):
-            low, high = high, high + stride
-        while high <= limit and high - low > resolution * (1.0 + 1e-9):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if survived(middle) else (low, middle)
-        return low
+        known = {0: True}  # by number of resolutions
+        wide, last = round(stride / resolution), math.floor(limit / resolution + 1e-9)
+        for position in range(wide, last + 1, wide):
+            known[position] = survived(position * resolution)
+            if not known[position]:
+                break
+        while (middle := between(1, known)) is not None:
+            known[middle] = survived(middle * resolution)
+        held, _ = bracket(1, known)
+        return (held or 0) * resolution
 
     value, tripping = search(False), search(True)
     return {

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from controller.settings import BUILT_IN
@@ -28,8 +27,6 @@ PUSHED: Mapping[str, Any] = {"steps": 12, "pushes.0.force": 25.0, "pushes.0.step
 PAPER, POLISHED = "paper", "paper-polished"
 GAITS = {PAPER: "paper's gait", POLISHED: "polished gait"}
 """Table I as printed, and the exactly periodic gait next to it."""
-
-TORQUE_LIMITS = np.array([75.0, 75.0, 50.0, 50.0])  # [N.m], Sec. IV
 
 Arrays = Mapping[str, NDArray[Any]]
 Results = Mapping[str, Arrays]

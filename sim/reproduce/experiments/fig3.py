@@ -103,7 +103,7 @@ def _posture(run: Arrays, time: float, plant: str) -> LinePanel:
     lines = []
     for leg in range(2):
         colour, name = (BLUE, "stance leg") if leg == stance else (GREY, "swing leg")
-        knee = end(hip, q[4] + q[leg], 0.4)
+        knee = end(hip, q[4] + q[leg], float(run["femur"][leg]))
         points = np.array([hip, knee, feet[leg]]) - origin
         lines.append(Series(name=name, x=points[:, 0], y=points[:, 1], colour=colour, width=3.0, marker=True))
     torso = np.array([hip, end(hip, q[4], TORSO)]) - origin

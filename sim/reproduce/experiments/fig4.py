@@ -11,7 +11,6 @@ from sim.reproduce.study import (
     JOINT_NAMES,
     PLANT_NAMES,
     PLANTS,
-    TORQUE_LIMITS,
     Arrays,
     Effort,
     Evaluation,
@@ -111,7 +110,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         peak = np.abs(run["u"]).max(axis=0)
         fate = "walks on" if _walks_on(run) else f"falls in step {int(run['steps']) + 1}"
         text = f"hips {peak[:2].max():.1f}, knees {peak[2:].max():.1f} N.m; {fate}"
-        return Finding(text=text, holds=never_above(float((peak / TORQUE_LIMITS).max()), 1.0) and _walks_on(run))
+        return Finding(text=text, holds=never_above(float((peak / run["torque_limit"]).max()), 1.0) and _walks_on(run))
 
     def larger(statistic: str) -> Verdict:
         def judge(plant: str) -> Finding:

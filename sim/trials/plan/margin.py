@@ -189,9 +189,10 @@ def next_positions(axis: MarginAxis, side: int, survived: Mapping[int, bool]) ->
     missing = [position for position in dict.fromkeys(scan) if position not in survived]
     if missing:
         return missing
+    middle = between(side, survived)
+    if middle is not None:
+        return [middle]
     held, fell = bracket(side, survived)
-    if held is not None and fell is not None and abs(fell - held) > 1:
-        return [(held + fell) // 2 if side > 0 else -((-held - fell) // 2)]
     if held is None or fell is None:
         return []
     top = max((abs(p) for p, ok in survived.items() if ok and p * side > 0), default=0)  # largest survivor
@@ -208,6 +209,14 @@ def bracket(side: int, survived: Mapping[int, bool]) -> tuple[int | None, int | 
             return held, position
         held = position
     return held, None
+
+
+def between(side: int, survived: Mapping[int, bool]) -> int | None:
+    """The position that halves the bracket of the first fall; None where there is no fall, or nothing between."""
+    held, fell = bracket(side, survived)
+    if held is None or fell is None or abs(fell - held) <= 1:
+        return None
+    return (held + fell) // 2 if side > 0 else -((-held - fell) // 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
