@@ -38,14 +38,25 @@ def show(figures: Sequence["Figure"], *, as_json: bool) -> None:
     """Print figures against their targets, as a table or as one JSON object."""
     if as_json:
         rows = [
-            {"name": f.name, "value": f.value, "unit": f.unit, "target": f.target, "holds": f.holds} for f in figures
+            {
+                "name": f.name,
+                "value": f.value,
+                "unit": f.unit,
+                "target": f.target,
+                "holds": f.holds,
+                "over_four_substeps": f.multiple,
+            }
+            for f in figures
         ]
         print(json.dumps({"machine": _machine(), "figures": rows}))
         return
-    table = console.table("figure", "measured", "unit", "target", "", title=_machine(), right=("measured",))
+    columns = ("figure", "measured", "unit", "x 4 substeps", "target", "")
+    table = console.table(*columns, title=_machine(), right=("measured", "x 4 substeps"))
     verdicts = {True: "holds", False: "missed", None: ""}
     for figure in figures:
-        table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, figure.target, verdicts[figure.holds])
+        multiple = "" if figure.multiple is None else f"{figure.multiple:.3g}"
+        verdict = verdicts[figure.holds]
+        table.add_row(figure.name, f"{figure.value:.4g}", figure.unit, multiple, figure.target, verdict)
     console.show(table, 120)
 
 
