@@ -60,7 +60,7 @@ def check_out(out: Path) -> Path:
     """
     record = out.with_suffix(".jsonl")
     if out.suffix != ".toml":
-        raise UserError(f"--out {out}: legal: a name that ends in .toml")
+        raise UserError(f"--out {out}: must be a name that ends in .toml")
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
     if out.exists() and not record.exists():
@@ -97,7 +97,7 @@ def recorded(
         The best, and how many evaluations the record holds.
 
     Raises:
-        UserError: the record is of another search or can not be used, or the optimiser is not installed.
+        UserError: the record is of another search or cannot be used, or the optimiser is not installed.
     """
     _cma()  # before a record is begun
     known = _resume(record, {**head, "seed": seed, "start": list(space.start)})
@@ -154,8 +154,8 @@ def search(
             evaluation = known[len(done)]
             if not np.allclose(evaluation.point, point, rtol=1e-9):
                 raise UserError(
-                    f"evaluation {len(done) + 1} of the search to resume is of another point; legal: the same request, "
-                    "start and seed, or a new file"
+                    f"evaluation {len(done) + 1} of the search to resume is of another point; must be the same request,"
+                    " start and seed, or a new file"
                 )
         else:
             evaluation = Evaluation(point=point, value=evaluate(point))

@@ -216,7 +216,7 @@ def test_check_sees_everything_that_moves(capsys, tmp_path, model, old, new, nam
         ('<inertial pos="0.0 0 0.24" mass="3.2" diaginertia="0.2 0.2 0.008"/>', "", "left_tibia has no mass"),
         ('<motor name="left_hip" class="hip" joint="left_hip"/>', "", 'no actuator named "left_hip"'),
         ('joint="left_knee"', 'joint="left_hip"', "does not drive"),
-        ('name="hip_z" type="slide"', 'name="hip_z" type="hinge"', "legal: a slide"),
+        ('name="hip_z" type="slide"', 'name="hip_z" type="hinge"', "must be a slide"),
         ('<contact name="left_foot"', '<contact name="foot"', "left_foot"),
     ],
 )

@@ -23,7 +23,7 @@ class Published:
             where: The file, for messages.
 
         Raises:
-            UserError: Pinocchio can not read it.
+            UserError: Pinocchio cannot read it.
         """
         robot = ET.fromstring(text)
         for element in robot.iter():

@@ -47,7 +47,7 @@ def new_walker(
         The made walker, and how far it is from the file.
 
     Raises:
-        UserError: the file is no walker's, something must be given, or the folder can not be made.
+        UserError: the file is no walker's, something must be given, or the folder cannot be made.
     """
     new.check_name(folder)
     tree, source = _read(file, kind, given)
@@ -166,7 +166,7 @@ def proof(model: WalkerModel, walker: PlanarWalker, tree: Tree, source: Source, 
     through the coordinate map at `STATES` random states.
 
     Raises:
-        UserError: it can not be read.
+        UserError: it cannot be read.
     """
     published: Published | mjcf.Published
     if source.kind == "xml":

@@ -183,7 +183,7 @@ def run_scenario(
         belief: The controller's model and gait if they have been loaded before; read from their files if not.
 
     Raises:
-        UserError: a file or a setting is not legal, the log can not be written, or there is no display.
+        UserError: a file or a setting is not legal, the log cannot be written, or there is no display.
     """
     if view:
         check_display()

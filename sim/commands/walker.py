@@ -1,10 +1,9 @@
 """`cmpc walker`: a folder for a walker of one's own, and its check from the files to the walk."""
 
 import json
-import math
 import os
 import sys
-from argparse import ArgumentTypeError, Namespace
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -33,10 +32,10 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     text = "which link is the torso, which joints left_hip, left_knee, right_hip, right_knee; where names do not tell"
     new.add_argument("--map", action="append", default=[], metavar="PART=NAME", help=text)
     text = "torque limits in N.m, where the file has none or others"
-    new.add_argument("--torque", nargs=2, type=_above_zero, metavar=("HIP", "KNEE"), help=text)
+    new.add_argument("--torque", nargs=2, type=flags.real(above=0.0), metavar=("HIP", "KNEE"), help=text)
     text = "from knee to foot, where the file does not tell or tells another"
-    new.add_argument("--tibia-length", type=_above_zero, metavar="M", help=text)
-    new.add_argument("--even-legs", action="store_true", help="make legs that differ by up to 5 % equal")
+    new.add_argument("--tibia-length", type=flags.real(above=0.0), metavar="M", help=text)
+    new.add_argument("--even-legs", action="store_true", help="make legs that differ by up to 5 %% equal")
 
     text = "topology, inertias, agreement of the models, gaits, walks"
     check = actions.add_parser("check", help=text, description="Check a walker from its files to its walk.")
@@ -47,17 +46,6 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     add_json(check)
 
 
-def _above_zero(text: str) -> float:
-    """A finite number above 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        raise ArgumentTypeError(f"{text!r}: must be a number above 0")
-    return value
-
-
 def _new(found: Namespace) -> int:
     from sim.bridge.convert import Given, new_walker
 
@@ -65,7 +53,7 @@ def _new(found: Namespace) -> int:
     for item in found.map:
         part, equals, name = item.partition("=")
         if not (equals and part and name):
-            raise UserError(f"--map {item}: legal: PART=NAME, such as torso=base_link")
+            raise UserError(f"--map {item}: must be PART=NAME, such as torso=base_link")
         names[part] = name
     given = Given(
         torque=tuple(found.torque) if found.torque else None,

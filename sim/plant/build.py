@@ -89,7 +89,7 @@ def read_spec(model_path: Path) -> mujoco.MjSpec:
         body = spec.body(name)
         if body is not None and not (body.explicitinertial and body.mass > 0.0):
             raise UserError(
-                f"model file {model_path}: body {name} has no mass; legal: an <inertial> with a mass above 0"
+                f"model file {model_path}: body {name} has no mass; must have an <inertial> with a mass above 0"
             )
     return spec
 
@@ -98,7 +98,7 @@ def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
     """MuJoCo's model of a walker, its parts where they belong.
 
     Raises:
-        UserError: MuJoCo can not compile it, or a part is missing or not what its name says.
+        UserError: MuJoCo cannot compile it, or a part is missing or not what its name says.
     """
     try:
         model = spec.compile()
@@ -108,20 +108,20 @@ def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
     for kind, names, words in ((_SLIDE, slides, "a slide"), (_HINGE, hinges, "a hinge")):
         for name in names:
             if model.joint(name).type[0] != kind:
-                raise UserError(f"model file {model_path}: joint {name} is none; legal: {words}")
+                raise UserError(f"model file {model_path}: joint {name} is none; must be {words}")
     if model.nv != len(BASE) + len(JOINTS):
         legal = ", ".join((*BASE, *JOINTS))
-        raise UserError(f"model file {model_path}: {model.nv} degrees of freedom; legal: the joints {legal}")
+        raise UserError(f"model file {model_path}: {model.nv} degrees of freedom; must be the joints {legal}")
     for name in JOINTS:
         if model.actuator(name).trnid[0] != model.joint(name).id:
             raise UserError(
-                f"model file {model_path}: actuator {name} does not drive joint {name}; legal: a motor on it"
+                f"model file {model_path}: actuator {name} does not drive joint {name}; must be a motor on it"
             )
     for name, size in (*((foot, 13) for foot in FEET), ("torso", 1), ("left_femur", 1), ("right_femur", 1)):
         sensor = next((i for i in range(model.nsensor) if model.sensor(i).name == name), None)
         if sensor is None or model.sensor_type[sensor] != _CONTACT or model.sensor_dim[sensor] < size:
             legal = "found force pos normal tangent" if size > 1 else "found"
-            raise UserError(f'model file {model_path}: no contact sensor "{name}" of these data; legal: {legal}')
+            raise UserError(f'model file {model_path}: no contact sensor "{name}" of these data; must have {legal}')
     return model
 
 

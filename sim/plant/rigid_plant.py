@@ -62,7 +62,7 @@ def refuse_resistance(model: mujoco.MjModel, path: Path) -> None:
     ):
         if values.any():
             raise UserError(
-                f'model file {path}: the rigid plant has no {what}; legal: {switch}, or plant.kind = "mujoco"'
+                f'model file {path}: the rigid plant has no {what}; must be {switch}, or plant.kind = "mujoco"'
             )
 
 

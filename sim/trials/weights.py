@@ -96,7 +96,7 @@ def search_weights(
     record = search.check_out(out)
     if plan.grid or plan.margin:
         raise UserError(
-            f"plan {plan.name!r}: has a grid or a margin study; legal: Monte-Carlo studies, to hold out draws"
+            f"plan {plan.name!r}: has a grid or a margin study; must be Monte-Carlo studies, to hold out draws"
         )
     plan = dataclasses.replace(plan, controllers=(KIND,))
     start = (1.0,) * 5 + (float(plan.scenario.controller.horizon),)

@@ -109,7 +109,7 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """Compile.
 
     Raises:
-        UserError: MuJoCo can not.
+        UserError: MuJoCo cannot.
     """
     try:
         return spec.compile()

@@ -69,7 +69,7 @@ def create(folder: Path, walker: PlanarWalker, rows: Sequence[Row], source: Sour
         as_it_is: URDF that is already in this program's conventions and is copied; None to write one.
 
     Raises:
-        UserError: the folder exists, its name is not legal, or it can not be written.
+        UserError: the folder exists, its name is not legal, or it cannot be written.
     """
     name = check_name(folder)
     fields = _fields(walker)

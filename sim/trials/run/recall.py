@@ -22,7 +22,7 @@ def split_id(text: str, plan: Plan) -> tuple[str, int]:
         raise UserError(f"trial id {text!r}: must be CONTROLLER/NUMBER, such as {plan.controllers[0]}/0")
     if controller not in plan.controllers:
         near = difflib.get_close_matches(controller, plan.controllers, n=1)
-        guess = f"; did you mean {near[0]}/{number}?" if near else f"; legal: {', '.join(plan.controllers)}"
+        guess = f"; did you mean {near[0]}/{number}?" if near else f"; must be of {', '.join(plan.controllers)}"
         raise UserError(f"trial id {text!r}: the plan has no controller {controller!r}{guess}")
     plan.study_of(int(number))
     return controller, int(number)
