@@ -87,7 +87,7 @@ def test_score_is_the_mean_share_of_steps(plan):
     found = score([trial(5), trial(2), trial(1, "ramp")], plan)
     assert found.value == pytest.approx((1.0 + 0.4 + 0.2) / 3) and (found.survived, found.trials) == (1, 3)
     assert found.studies == pytest.approx({"push": 0.7, "ramp": 0.2})
-    with pytest.raises(UserError, match="failed: no end"):
+    with pytest.raises(UserError, match="has no result: no end"):
         score([trial(5), trial(1, outcome="error", message="no end")], plan)
 
 
