@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from sim.errors import UserError
+from sim.terminal.output import with_output
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
@@ -33,7 +34,7 @@ EXIT_INTERRUPTED = 130
 
 def entry_point() -> None:
     """Console script `cmpc`."""
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(with_output(lambda: main(sys.argv[1:])))
 
 
 def main(argv: Sequence[str]) -> int:

@@ -1,6 +1,7 @@
 """The composition root: `sim/compose*.py` alone know both worlds; here a run is put together."""
 
 import contextlib
+import os
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -200,7 +201,7 @@ def run_scenario(
         with viewer(plant, scenario.controller.period, stop) if view else contextlib.nullcontext(stop) as ask:
             with hangs_end(controller):
                 run = Loop(plant=walker, controller=controller, course=course, tape=tape)
-                return run.run(progress=progress, stop=ask, log=str(log) if log else "")
+                return run.run(progress=progress, stop=ask, log=_text(log) if log else "")
 
     if log is None:
         return loop(tape or NoTape())
@@ -208,6 +209,11 @@ def run_scenario(
         summary = loop(Tapes(recorder, tape) if tape else recorder)
         recorder.result(summary)
     return summary
+
+
+def _text(path: Path) -> str:
+    """A path as text, with escapes where it is none."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 def _header(scenario: Scenario, belief: Belief, plant: Walker, files: ModelFiles) -> RunHeader:

@@ -18,7 +18,11 @@ def show(table: Any, width: int = 170) -> None:
     """
     from rich.console import Console
 
-    Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else width).print(table)
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # where output goes is not rich's to decide
+
+    Plain(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else width).print(table)
 
 
 def table(*columns: str, title: str = "", right: tuple[str, ...] = ()) -> Any:

@@ -42,6 +42,11 @@ from sim.errors import UserError
 from sim.log.format import seal
 
 
+def _encodable(text: str) -> str:
+    """A text with escapes for what UTF-8 has no place for, such as bytes of a file name that are no text."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 class McapFile:
     """A new MCAP file: chunked, zstd, every CRC and index, never over an existing file."""
 
@@ -97,7 +102,7 @@ class McapFile:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record."""
-        self._said[name] = dict(values)
+        self._said[name] = {key: _encodable(text) for key, text in values.items()}
         offset, length = self._record(Metadata(name=name, metadata=self._said[name]))
         self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
 
@@ -201,7 +206,8 @@ class McapFile:
         about = seal.about(self._said.get("run", {}), self._attached, channels)
         seals = {c.topic: self._seals.get(c.id, seal.Seal()) for c in self._channels}
         messages = {topic: (one.count, one.digest()) for topic, one in seals.items()}
-        return {**result, seal.KEY: json.dumps(seal.signature(result, messages, about))}
+        texts = {key: _encodable(text) for key, text in result.items()}
+        return {**texts, seal.KEY: json.dumps(seal.signature(texts, messages, about))}
 
     @property
     def finished(self) -> bool:
