@@ -26,6 +26,10 @@ _SHAPES = {
     "contact_force": (2,),
     "residuals": (3,),
 }
+_WHOLE, _REAL = (int, np.integer), (int, float, np.integer, np.floating)
+_SCALARS = dict.fromkeys(("impact_in", "iterations", "active"), _WHOLE) | dict.fromkeys(
+    ("theta", "dtheta", "s", "slack", "solve_s", "followed"), _REAL
+)
 _LEGS = ("left", "right")
 _TORQUE = f"4 numbers [N.m], ordered {', '.join(JOINTS)}"
 
@@ -81,9 +85,7 @@ class Guarded:
                 )
         self.inner = inner
         self._kind, self._file = outside.kind, outside.file
-        code = getattr(getattr(inner.step, "__func__", inner.step), "__code__", None)
-        at = f" ({code.co_filename}, line {code.co_firstlineno})" if code else ""
-        self.where = f"controller {outside.kind}: step(){at}"
+        self.where = f"controller {outside.kind}: step(){_at(inner.step)}"
         self.since = 0.0  # [s] when the code outside was entered, 0 while it is not
         self._stance = StanceEstimator(model)
         self._gait = gait
@@ -134,12 +136,12 @@ class Guarded:
         if isinstance(given, ControlStep):
             return self._checked(given)
         try:
-            u = np.array(given, dtype=float)
-        except (TypeError, ValueError):
+            u = np.array(given)
+        except ValueError:  # rows of different lengths
             u = np.empty(0)
-        if u.shape != (4,):
+        if u.shape != (4,) or u.dtype.kind not in "biuf":
             raise ControllerFailed(f"{self.where} gave {_kind(given)}; must be {_TORQUE}, or a ControlStep")
-        return self._of(u, observation)
+        return self._of(u.astype(float, copy=False), observation)
 
     def _of(self, u: np.ndarray, observation: Observation) -> ControlStep:
         state = self._stance.update(observation)
@@ -162,9 +164,15 @@ class Guarded:
                 try:
                     value = changed[name] = np.array(value, dtype=float)
                 except (TypeError, ValueError):
-                    raise self._wrong(f"ControlStep.{name} is {_kind(value)}", shape) from None
+                    raise self._wrong(f"ControlStep.{name} = {_kind(value)}", shape) from None
             if value.shape != shape:
-                raise self._wrong(f"ControlStep.{name} is {_kind(value)}", shape)
+                raise self._wrong(f"ControlStep.{name} = {_kind(value)}", shape)
+        for name, kinds in _SCALARS.items():
+            value = getattr(step, name)
+            if not isinstance(value, kinds):
+                raise ControllerFailed(f"{self.where} gave ControlStep.{name} = {_kind(value)}; must be a number")
+        if step.plan is not None and not callable(getattr(step.plan, "outputs", None)):
+            raise ControllerFailed(f"{self.where} gave ControlStep.plan = {_kind(step.plan)}; must be None or a Plan")
         if step.stance not in _LEGS:
             raise ControllerFailed(
                 f"controller {self._kind}: ControlStep.stance = {step.stance!r}: must be left or right"
@@ -186,10 +194,17 @@ class Guarded:
                 )
 
     def _failed(self, method: str, error: BaseException) -> ControllerFailed:
-        return ControllerFailed(f"controller {self._kind}: {method}(): {place(error, self._file)}")
+        called = _at(getattr(self.inner, method))
+        return ControllerFailed(f"controller {self._kind}: {method}(): {place(error, self._file, called)}")
 
     def _wrong(self, what: str, shape: tuple[int, ...]) -> ControllerFailed:
         return ControllerFailed(f"{self.where} gave {what}; must be an array of {shape[0]} numbers")
+
+
+def _at(method: Any) -> str:
+    """Where a method stands, in brackets; empty where that cannot be told."""
+    code = getattr(getattr(method, "__func__", method), "__code__", None)
+    return f" ({code.co_filename}, line {code.co_firstlineno})" if code else ""
 
 
 @compiled

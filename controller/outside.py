@@ -176,8 +176,14 @@ def call(outside: Outside, offers: Mapping[str, Any], settings: Any) -> Any:
         raise UserError(f"controller {outside.kind}: {place(error, outside.file)}") from error
 
 
-def place(error: BaseException, file: Path | None) -> str:
-    """What went wrong and where, in one line: the deepest line in the controller's own file, or else of all."""
+def place(error: BaseException, file: Path | None, called: str = "") -> str:
+    """What went wrong and where, in one line.
+
+    Args:
+        error: What was raised.
+        file: The controller's own, whose deepest line is meant.
+        called: What stands for the place if nothing of that file was reached; else the deepest line of all.
+    """
     if isinstance(error, SyntaxError):
         return f"{type(error).__name__}: {error.msg} ({error.filename}, line {error.lineno})"
     frames = []
@@ -188,7 +194,8 @@ def place(error: BaseException, file: Path | None) -> str:
     own = [frame for frame in frames if file is not None and frame[0] == str(file)]
     name, line = (own or frames or [("?", 0)])[-1]
     text = " ".join(str(error).split())
-    return f"{type(error).__name__}{': ' if text else ''}{text} ({name}, line {line})"
+    at = called if called and not own and file is not None else f" ({name}, line {line})"
+    return f"{type(error).__name__}{': ' if text else ''}{text}{at}"
 
 
 def _split(kind: str) -> tuple[str, str]:
@@ -242,6 +249,11 @@ def _of(kind: str, module: Any, name: str, file: Path | None, text: bytes) -> Ou
 
 def _outside(kind: str, factory: Any, file: Path | None, text: bytes) -> Outside:
     taken, settings = _settings_of(factory)
+    for field in dataclasses.fields(settings) if settings is not None else ():
+        if field.default is field.default_factory is dataclasses.MISSING:
+            raise UserError(
+                f"its settings {getattr(settings, '__qualname__', '')}: field {field.name}: must have a default"
+            )
     return Outside(kind=kind, factory=factory, settings=settings, taken=taken, file=file, text=text)
 
 
@@ -261,7 +273,8 @@ def _run(file: str, text: bytes) -> types.ModuleType:
     sys.modules[name] = module
     _look_in(str(Path(file).parent))
     try:
-        exec(compile(text, file, "exec"), module.__dict__)
+        with contextlib.redirect_stdout(sys.stderr):  # stdout is for results
+            exec(compile(text, file, "exec"), module.__dict__)
     except Exception as error:
         del sys.modules[name]
         raise UserError(place(error, Path(file))) from error
@@ -274,7 +287,8 @@ def _run(file: str, text: bytes) -> types.ModuleType:
 def _import(name: str) -> types.ModuleType:
     _look_in(os.getcwd())
     try:
-        return importlib.import_module(name)
+        with contextlib.redirect_stdout(sys.stderr):
+            return importlib.import_module(name)
     except ModuleNotFoundError as error:
         raise UserError(f"no module {error.name!r}; must be {LEGAL}") from error
     except Exception as error:

@@ -240,11 +240,9 @@ class NoSettings:
 @functools.lru_cache(maxsize=64)
 def _with(own: type) -> type[ControllerSettings]:
     """The settings of a controller from outside: those of all controllers and, as `settings`, its own."""
-    needed = [f for f in dataclasses.fields(own) if f.default is f.default_factory is dataclasses.MISSING]
-    field: Any = dataclasses.field() if needed else dataclasses.field(default_factory=own)
     return dataclasses.make_dataclass(
         "ControllerSettings",
-        [("settings", own, field)],
+        [("settings", own, dataclasses.field(default_factory=own))],
         bases=(ControllerSettings,),
         namespace={"__doc__": "", "__reduce__": _reduce, "own": ("settings",)},
         frozen=True,
@@ -256,13 +254,17 @@ def _with(own: type) -> type[ControllerSettings]:
 def _as_it_stands(name: str, table: Any) -> type:
     """A settings class made from a table itself, where no code may be imported: names and types, no units."""
     fields: list[tuple[str, Any, Any]] = []
+    kind: Any
+    default: Any
     for key, value in table.items() if isinstance(table, Mapping) else ():
-        kind: Any = type(value)
+        kind, default = type(value), dataclasses.field(default=value)
         if isinstance(value, Mapping):
             kind = _as_it_stands(key, value)
+            default = dataclasses.field(default_factory=kind)
         elif isinstance(value, list):
             kind = tuple[str, ...] if value and all(isinstance(item, str) for item in value) else tuple[float, ...]
-        fields.append((str(key), kind, dataclasses.field()))
+            default = dataclasses.field(default=())
+        fields.append((str(key), kind, default))
     try:
         return dataclasses.make_dataclass(name, fields, frozen=True, slots=True, kw_only=True)
     except (TypeError, ValueError):  # names that Python cannot have

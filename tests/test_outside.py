@@ -142,6 +142,14 @@ def test_the_command_line_takes_its_settings(pd, capsys):
         "return [0.0, float('nan'), 0.0, 0.0]": ["not finite", "right_hip nan", "odd.py, line 7"],
         "return [0.0, 0.0, float('inf'), 0.0]": ["not finite", "left_knee inf"],
         "raise ValueError('two\\nlines')": ["ValueError: two lines"],
+        "return __import__('numpy').zeros(4, complex)": ["an array of shape (4,)", "4 numbers"],
+        "import sim; return sim.ControlStep(stance='up', u_total=[0.0] * 4)": ["stance = 'up'", "left or right"],
+        "import sim; return sim.ControlStep(stance='left', u_total=[0.0])": ["u_total = an array of", "4 numbers"],
+        "import sim; return sim.ControlStep(stance='left', u_total=[0] * 4, theta='x')": ["theta = 'x'", "a number"],
+        "import sim; return sim.ControlStep(stance='left', u_total=[0] * 4, diagnostics=[1])": [
+            "diagnostics",
+            "a dict",
+        ],
         "raise SystemExit(3)": ["SystemExit: 3", "odd.py, line 9"],
         "while True: pass": ["no answer within", "odd.py, line 9"],
     }.items(),
@@ -169,6 +177,27 @@ def test_four_numbers_of_any_kind_are_a_torque(tmp_path, step):
 def test_a_reset_that_breaks_is_an_error_of_the_run(tmp_path):
     summary = walk(odd(tmp_path, reset="raise KeyError(stance)"))
     assert summary.outcome == "error" and "reset(): KeyError: 'left'" in summary.message and "line 5" in summary.message
+
+
+def test_what_it_prints_leaves_the_json_alone(tmp_path, capsys):
+    (tmp_path / "odd.py").write_text(
+        "print('imported')\n" + TICKS.format(step="print(self.k); return [0] * 4", reset="pass")
+    )
+    assert cli.main(["run", "--controller", str(tmp_path / "odd.py"), "--no-log", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["outcome"] == "fell" and "imported" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    {
+        "from dataclasses import *\n@dataclass\nclass S:\n    x: int\ndef make(s: S): pass\n": ["x", "a default"],
+        "class D:\n    def step(self, o): pass\nmake = D\n": ["has no reset()"],
+        "make = 3\n": ["has no factory 'make'"],
+    }.items(),
+)
+def test_what_lacks_something_is_refused_by_name(tmp_path, capsys, text, words):
+    test_what_cannot_be_made_is_refused_before_the_run(tmp_path, capsys, text, words)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,10 @@
 """`cmpc run`: one scenario, its summary, its log."""
 
+import contextlib
 import itertools
 import os
 import re
+import sys
 import tempfile
 from argparse import Namespace
 from collections.abc import Sequence
@@ -157,7 +159,10 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
     from sim.trials.falls.witness import Witness
 
     witness = Witness(scenario.controller.period)
-    with stop_on_signal() as stop, walking(scenario.steps, quiet=quiet or json) as show:
+    prints = (
+        contextlib.redirect_stdout(sys.stderr) if json else contextlib.nullcontext()
+    )  # of a controller from outside
+    with stop_on_signal() as stop, walking(scenario.steps, quiet=quiet or json) as show, prints:
         summary = run_scenario(
             scenario, log=log, progress=show, stop=stop, announce=console.note, view=view, tape=witness
         )
