@@ -83,4 +83,6 @@ def test_the_description_is_of_what_was_run():
     assert description(named) == named.description and changed_settings(named) == []
     other = with_values(named, {"pushes.0.force": 90.0, "plant.ground.slope": 0.05})
     assert changed_settings(other) == [("plant.ground.slope", "0 rad", "0.05 rad"), ("pushes.0.force", "40 N", "90 N")]
+    added = with_values(load_scenario("undisturbed"), {"pushes.0.force": 90.0, "pushes.0.step": 1})
+    assert changed_settings(added) == [("pushes.0.force", "-", "90 N"), ("pushes.0.step", "-", "1 step")]
     assert "pushes.0.force = 90 N (not 40 N)" in description(other) and named.description not in description(other)

@@ -17,7 +17,7 @@ const app = {
   view: { from: 0, to: 1 },
   sources: () => (app.mode === "difference" ? [gap] : runs.map((run) => run.source)),
   events: () => runs[0].events,
-  sane: (order) => (app.mode === "difference" ? Math.min(...runs.map((run) => run.began ?? Infinity)) : runs[order]?.began ?? Infinity),
+  sane: (order) => (app.mode === "difference" ? Math.min(...runs.map((run) => run.began ?? Infinity)) : runs[order]?.began ?? Infinity) + 0.1,
   spans: () => runs[0].spans,
   limits: (name) => (name && runs[0].limits[name]) || [],
   horizon: () => runs[0].horizon,

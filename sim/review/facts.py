@@ -54,9 +54,10 @@ def changed_settings(scenario: Scenario) -> list[tuple[str, str, str]]:
 
     def text(rows: Mapping[str, Any], path: str) -> str:
         row = rows.get(path)
-        return "-" if row is None else f"{number(row.value)} {row.spec.unit or ''}".rstrip()
+        return "-" if row is None or row.value is None else f"{number(row.value)} {row.spec.unit or ''}".rstrip()
 
-    pairs = ((path, text(there, path), text(here, path)) for path in paths)
+    told = [path for path in paths if path in there or here[path].value != here[path].spec.default]
+    pairs = ((path, text(there, path), text(here, path)) for path in told)
     return [(path, a, b) for path, a, b in pairs if a != b]
 
 
