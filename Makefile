@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test tools check bench docs trials-proof logs-proof clean help
+.PHONY: run test fuzz tools check bench docs trials-proof logs-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -16,6 +16,9 @@ run: $(STAMP)  ## walk: the default scenario, or ARGS="undisturbed --steps 5"
 
 test: $(STAMP)  ## run the tests, or some: ARGS="tests/test_qp.py"
 	@$(BIN)/python -m pytest -n 2 $(ARGS)
+
+fuzz: $(STAMP)  ## 2,000 seeded mutations of every kind of file through the commands that read them, some 40 minutes
+	@$(BIN)/python tests/fuzz.py $(ARGS)
 
 tools: $(STAMP)  ## tests of what browsers, Node, pyarrow and OpenGL make of a log; needs npm, uses what is there
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev,parquet,video]"

@@ -136,6 +136,28 @@ def complaint_of(link: Link | PlanarLink) -> str:
     return ""
 
 
+def published_walker(folder: Path) -> PlanarWalker | None:
+    """The file a walker was made from as that walker, for its coordinates; None where there is no file.
+
+    Raises:
+        UserError: the file can no longer be read.
+    """
+    source = new.conversion(folder)
+    if source is None:
+        return None
+    return _again(folder, source)[1]
+
+
+def _again(folder: Path, source: Source) -> tuple[Tree, PlanarWalker, str]:
+    file = folder / f"{new.PUBLISHED}.{source.kind}"
+    tree = mjcf.read(file) if source.kind == "xml" else urdf.read(source.text, str(file))
+    walker, rows = reduce(tree, source.given)
+    if walker is None:
+        stops = " | ".join(f"{row.part}: {row.found}" for row in rows if row.stops)
+        raise UserError(f"{file}: no walker can be made of it any more: {stops}")
+    return tree, walker, str(file)
+
+
 def proof_of(folder: Path, model: WalkerModel) -> tuple[dict[str, float], float] | None:
     """How far a made walker is from the file it was made from, and how far it may be; None where there is no file.
 
@@ -145,13 +167,8 @@ def proof_of(folder: Path, model: WalkerModel) -> tuple[dict[str, float], float]
     source = new.conversion(folder)
     if source is None:
         return None
-    file = folder / f"{new.PUBLISHED}.{source.kind}"
-    tree = mjcf.read(file) if source.kind == "xml" else urdf.read(source.text, str(file))
-    walker, rows = reduce(tree, source.given)
-    if walker is None:
-        stops = " | ".join(f"{row.part}: {row.found}" for row in rows if row.stops)
-        raise UserError(f"{file}: no walker can be made of it any more: {stops}")
-    return proof(model, walker, tree, source, str(file)), allowed(walker)
+    tree, walker, where = _again(folder, source)
+    return proof(model, walker, tree, source, where), allowed(walker)
 
 
 def allowed(walker: PlanarWalker) -> float:

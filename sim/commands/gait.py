@@ -1,6 +1,7 @@
 """`cmpc gait`: design gaits, check them, polish printed ones, fill the library."""
 
 import json
+import math
 from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
@@ -66,6 +67,19 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     _add_gait(polish)
     polish.add_argument("--out", required=True, metavar="FILE.toml")
     _add_common(polish, _polish, force=True)
+
+    text = "A gait of ours from another program's step: a CSV of its trajectory, or Bezier outputs as TOML or JSON."
+    taken = actions.add_parser("import", help="a gait from another program's step", description=text)
+    taken.add_argument("file", metavar="FILE.csv|toml|json")
+    taken.add_argument("--walker", default="rabbit", metavar="NAME|FOLDER", help="default: rabbit")
+    taken.add_argument(
+        "--stance", choices=("left", "right"), default="left", help="the foot that stands (default: left)"
+    )
+    taken.add_argument("--degrees", action="store_true", help="the file's angles are in degrees")
+    text = "of our Bezier polynomials (default: 6)"
+    taken.add_argument("--degree", type=flags.whole(4), default=6, metavar="INT", help=text)
+    taken.add_argument("--out", required=True, metavar="FILE.toml")
+    _add_common(taken, _import, force=True)
 
     library = actions.add_parser(
         "library",
@@ -148,6 +162,27 @@ def _polish(found: Namespace) -> int:
     apart = float(abs(polished.gait.alpha - printed.gait.alpha).max())
     console.note(f"largest change of a coefficient: {apart:.4f} rad")
     return _judge(polished, _changes(found), found, extra={"largest_change_rad": apart})
+
+
+def _import(found: Namespace) -> int:
+    from sim.bridge import gaits
+
+    made, apart = gaits.import_gait(
+        found.walker,
+        Path(found.file),
+        Path(found.out),
+        stance=found.stance,
+        degrees=found.degrees,
+        degree=found.degree,
+        force=found.force,
+    )
+    file = "" if math.isnan(apart["step_time_file_s"]) else f", the file's step takes {apart['step_time_file_s']:.4f} s"
+    console.note(
+        f"fitted within {apart['fit_rad']:.2g} rad, polished by up to {apart['polish_rad']:.2g} rad a coefficient; "
+        f"a step takes {apart['step_time_s']:.4f} s{file}"
+    )
+    apart = {key: value for key, value in apart.items() if not math.isnan(value)}
+    return _judge(made, _changes(found), found, extra=apart)
 
 
 def _library(found: Namespace) -> int:

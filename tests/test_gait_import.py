@@ -1,0 +1,113 @@
+"""Others' gaits: a step written down in another program's conventions comes back as the same gait."""
+
+import json
+
+import numpy as np
+import pytest
+import robots
+from conftest import RABBIT
+
+from controller.belief import load_gait
+from controller.design.orbit import periodic_orbit
+from controller.design.polish import polish
+from sim.cli import main
+
+
+def run(capsys, *argv):
+    code = main([str(word) for word in argv])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.fixture(scope="module")
+def polished(model, gait):
+    return polish(model, gait)
+
+
+@pytest.fixture(scope="module")
+def orbit(model, polished):
+    return periodic_orbit(model, polished)
+
+
+def csv(path, columns):
+    rows = np.column_stack(list(columns.values()))
+    path.write_text(",".join(columns) + "\n" + "\n".join(",".join(repr(float(x)) for x in row) for row in rows))
+    return path
+
+
+def judged(capsys, file, out, *flags):
+    code, text, err = run(capsys, "gait", "import", file, "--out", out, "--json", *flags)
+    return code, json.loads(text) if text else {}, err
+
+
+def test_a_trajectory_of_ours(capsys, tmp_path, model, polished, orbit):
+    q = orbit.q
+    columns = {"t": orbit.t, "left_hip": q[:, 0], "right_hip": q[:, 1], "left_knee": q[:, 2], "right_knee": q[:, 3]}
+    file, out = csv(tmp_path / "step.csv", columns | {"torso": q[:, 4]}), tmp_path / "again.toml"
+    _, found, err = judged(capsys, file, out)
+    assert found["fit_rad"] < 1e-9 and found["polish_rad"] < 1e-6, err
+    assert found["step_time_s"] == pytest.approx(orbit.step_time, rel=1e-6)
+    assert found["step_time_file_s"] == pytest.approx(orbit.step_time, rel=1e-9)
+    assert np.abs(load_gait(out, model).alpha - polished.alpha).max() < 1e-6
+
+
+def test_others_conventions(capsys, tmp_path, orbit):
+    """Links down, axes +y, degrees, base pitch about +y, right foot standing: the walker's own map is used."""
+    urdf, folder = tmp_path / "down.urdf", tmp_path / "mine"
+    text = robots.urdf(up=-1.0, axis="0 1 0", base=robots.SLIDES, names=("lh", "lk", "rh", "rk"))
+    urdf.write_text(text)
+    assert run(capsys, "walker", "new", folder, "--urdf", urdf)[0] == 0
+    q = np.degrees(orbit.q)
+    columns = {"rh": 180.0 - q[:, 0], "lh": 180.0 - q[:, 1], "rk": -q[:, 2], "lk": -q[:, 3], "base_pitch": -q[:, 4]}
+    file = csv(tmp_path / "step.csv", columns)
+    flags = ["--walker", folder, "--degrees", "--stance", "right"]
+    _, found, err = judged(capsys, file, folder / "gaits" / "theirs.toml", *flags)
+    assert found["step_time_s"] == pytest.approx(orbit.step_time, rel=1e-6), err
+    assert "step_time_file_s" not in found
+
+
+def test_bezier_outputs_over_another_clock(capsys, tmp_path, polished, orbit):
+    """Rows in another order; their clock is twice ours, with an offset."""
+    rows = ["left_hip", "left_knee", "right_hip", "right_knee"]
+    data = {
+        "outputs": rows,
+        "alpha": polished.alpha[[0, 2, 1, 3]].tolist(),
+        "clock": {"left_hip": -2.0, "left_knee": -1.0, "torso": -2.0},
+        "clock_offset": 0.5,
+        "clock_range": [2.0 * polished.theta_plus + 0.5, 2.0 * polished.theta_minus + 0.5],
+    }
+    file = tmp_path / "theirs.json"
+    file.write_text(json.dumps(data))
+    _, found, err = judged(capsys, file, tmp_path / "again.toml")
+    assert found["fit_rad"] < 1e-9, err
+    assert found["step_time_s"] == pytest.approx(orbit.step_time, rel=1e-6)
+
+
+BAD = {
+    "too short": ("a.csv", "t,torso\n0,1\n", ["1 samples", "12 or more"]),
+    "a word": ("a.csv", "t,torso\n" + "0,x\n" * 20, ["line 2", "'x'"]),
+    "a column": ("a.csv", "t,torso\n" + "0,1\n" * 20, ["no column left_hip", "t, torso"]),
+    "backwards": (
+        "a.csv",
+        "left_hip,left_knee,right_hip,right_knee,torso\n" + "".join(f"{3 + 0.01 * k},0,3,0,0\n" for k in range(20)),
+        ["does not sweep forward"],
+    ),
+    "no outputs": ("a.toml", "alpha = [1]\n", ["outputs", "four"]),
+    "not TOML": ("a.toml", "alpha", ["TOML"]),
+    "a list": ("a.json", "[1]", ["list"]),
+    "no clock": ("a.toml", 'outputs = ["a","b","c","d"]\nclock = {a = 1}\n', ["clock", "one more"]),
+}
+
+
+@pytest.mark.parametrize("name, text, words", BAD.values(), ids=BAD.keys())
+def test_what_is_no_step_is_one_line(capsys, tmp_path, name, text, words):
+    file = tmp_path / name
+    file.write_text(text)
+    code, _, err = run(capsys, "gait", "import", file, "--out", tmp_path / "out.toml")
+    assert code == 2 and err.count("\n") == 1 and all(word in err for word in words), err
+    assert not (tmp_path / "out.toml").exists()
+
+
+def test_nothing_is_written_over(capsys, tmp_path):
+    code, _, err = run(capsys, "gait", "import", "x.csv", "--out", RABBIT / "gaits" / "paper.toml")
+    assert code == 2 and "x.csv" in err
