@@ -12,10 +12,11 @@ import numpy as np
 
 from controller.belief import Gait, StanceEstimator, WalkerModel, kernels
 from controller.belief.closed_loop import outputs
+from controller.belief.stance import calm, take
 from controller.compiled import compiled
 from controller.errors import ControllerFailed, UserError
 from controller.outside import Outside, place
-from controller.records import JOINTS, ControlStep, Observation
+from controller.records import JOINTS, OBSERVATION, STEP, ControlStep, Observation, Rows, observation_of
 
 _SHAPES = {
     "u_total": (4,),
@@ -90,6 +91,7 @@ class Guarded:
         self._stance = StanceEstimator(model)
         self._gait = gait
         _outputs(gait.table, gait.q_minus, gait.dq_minus)  # compiled, or loaded, before the first tick
+        _fill(gait.table, self._stance.memory, np.zeros(1, OBSERVATION), np.zeros(1, STEP), 0, np.zeros(4))
         self._lacks_follow = not callable(getattr(inner, "follow", None))
 
     def reset(self, stance: str) -> None:
@@ -126,22 +128,39 @@ class Guarded:
         Raises:
             ControllerFailed: it broke, or what it gave is no torque.
         """
+        given = self._ask(observation)
+        return self._checked(given) if isinstance(given, ControlStep) else self._of(self._torque(given), observation)
+
+    def fill(self, seen: Rows, step: Rows, i: int) -> ControlStep | None:
+        """One tick from row to row; what row `i` of `step` has not been filled with, if it has not.
+
+        Raises:
+            ControllerFailed: it broke, or what it gave is no torque.
+        """
+        observation = observation_of(seen[i])
+        given = self._ask(observation)
+        if isinstance(given, ControlStep):
+            return self._checked(given)
+        u = self._torque(given)
+        return None if _fill(self._gait.table, self._stance.memory, seen, step, i, u) else self._of(u, observation)
+
+    def _ask(self, observation: Observation) -> Any:
         try:
             self.since = monotonic()
-            given = self.inner.step(observation)
+            return self.inner.step(observation)
         except (Exception, SystemExit, Hung) as error:
             raise self._failed("step", error) from error
         finally:
             self.since = 0.0
-        if isinstance(given, ControlStep):
-            return self._checked(given)
+
+    def _torque(self, given: Any) -> np.ndarray:
         try:
             u = np.array(given)
         except ValueError:  # rows of different lengths
             u = np.empty(0)
         if u.shape != (4,) or u.dtype.kind not in "biuf":
             raise ControllerFailed(f"{self.where} gave {_kind(given)}; must be {_TORQUE}, or a ControlStep")
-        return self._of(u.astype(float, copy=False), observation)
+        return u.astype(float, copy=False)
 
     def _of(self, u: np.ndarray, observation: Observation) -> ControlStep:
         state = self._stance.update(observation)
@@ -205,6 +224,28 @@ def _at(method: Any) -> str:
     """Where a method stands, in brackets; empty where that cannot be told."""
     code = getattr(getattr(method, "__func__", method), "__code__", None)
     return f" ({code.co_filename}, line {code.co_firstlineno})" if code else ""
+
+
+@compiled
+def _fill(gait, memory, seen, step, i, u):  # type: ignore[no-untyped-def]
+    """Fill row `i` of `step` for a torque where no foot lands; whether it does not."""
+    if not calm(memory, seen[i]):
+        return False
+    q, dq, stage = np.empty(kernels.N_Q), np.empty(kernels.N_Q), kernels.new_stage()
+    take(memory, seen[i], q, dq)
+    theta, dtheta = outputs(gait, q, dq, stage)
+    m, out = memory[0], step[i]
+    for j in range(kernels.N_U):
+        out.u_total[j] = u[j]
+        out.u_zd[j] = out.u_mpc[j] = 0.0
+        out.y[j], out.dy[j] = stage.y[j], stage.dy[j]
+    out.theta, out.dtheta, out.s = theta, dtheta, (theta - gait.theta_start) / gait.theta_span
+    out.contact_force[:] = 0.0
+    out.residuals[:] = 0.0
+    out.slack = out.solve_s = out.followed = 0.0
+    out.impact_in, out.iterations, out.active = -1, 0, 0
+    out.status, out.stance, out.fallback = 0, m.leg, 0
+    return True
 
 
 @compiled

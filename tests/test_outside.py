@@ -11,11 +11,15 @@ import pytest
 from conftest import ROOT
 
 from controller import guard, outside
+from controller.records import observation_of, write_step
 from sim import cli
+from sim.bridge.controllers import build_controller, load_belief
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
 from sim.log.read import read_log
 from sim.log.read.attachments import scenario_of
+from sim.loop.law import rows_law
+from sim.loop.ticks import Ticks
 from sim.reproduce.study import Effort
 from sim.scenario import Scenario, from_toml, names_a_path, to_toml, with_value, with_values
 from sim.settings.tree import spec_at
@@ -366,3 +370,24 @@ def test_a_walker_without_the_default_gait_walks_its_own_and_words_are_suggested
 def test_a_path_with_slashes_is_a_path_whatever_the_systems_separator(monkeypatch, separator):
     monkeypatch.setattr(os, "sep", separator)
     assert names_a_path("./mine") and names_a_path("a/b") and not names_a_path("rabbit")
+
+
+def test_from_row_to_row_is_what_from_record_to_record_is(pd):
+    belief = load_belief(Scenario())
+    rng, block = np.random.default_rng(0), Ticks.room(60)
+    one, other = (build_controller(with_value(Scenario(), "controller.kind", pd).controller, belief) for _ in range(2))
+    for law in (one, other):
+        law.reset("right")
+    fast, filled = rows_law(one, block), 0
+    for i in range(60):
+        seen = block.seen[i]
+        seen["q"], seen["dq"] = belief.gait.q_minus + 0.1 * rng.normal(size=5), rng.normal(size=5)
+        seen["contact"] = rng.integers(0, 2, 2)
+        fast.decide(block.seen, block.step, i)
+        step = other.step(observation_of(seen))
+        wanted = np.zeros(1, block.step.dtype)
+        write_step(wanted[0], step)
+        for name in wanted.dtype.names:
+            np.testing.assert_allclose(block.step[i][name], wanted[0][name], rtol=1e-9, atol=1e-9, err_msg=name)
+        filled += seen["contact"][0] == 0
+    assert 10 < filled < 50

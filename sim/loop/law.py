@@ -40,6 +40,7 @@ class Recorded:
     def __init__(self, controller: Controller, ticks: Ticks) -> None:
         """Args: controller: the law; ticks: filled with what rows do not hold, by tick: statuses, diagnostics."""
         self._controller = controller
+        self._fill = getattr(controller, "fill", None)  # of a guarded one: fills the row itself where it can
         self._texts = ticks.texts
         self._diagnostics = ticks.diagnostics
         self._plan: Plan | None = None
@@ -47,13 +48,15 @@ class Recorded:
 
     def decide(self, seen: Rows, step: Rows, i: int) -> None:
         """Fill row `i` of `step` from row `i` of `seen`."""
-        decided = self._controller.step(observation_of(seen[i]))
+        k, self._k = self._k, self._k + 1
+        decided = self._fill(seen, step, i) if self._fill else self._controller.step(observation_of(seen[i]))
+        self._plan = None if decided is None else decided.plan
+        if decided is None:
+            return
         if not write_step(step[i], decided):
-            self._texts[self._k] = decided.status
+            self._texts[k] = decided.status
         if decided.diagnostics:
-            self._diagnostics[self._k] = dict(decided.diagnostics)  # the law may reuse its own
-        self._plan = decided.plan
-        self._k += 1
+            self._diagnostics[k] = dict(decided.diagnostics)  # the law may reuse its own
 
     def plan(self) -> Plan | None:
         """What the last decision expects."""
