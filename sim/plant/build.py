@@ -73,6 +73,10 @@ def build_spec(settings: PlantSettings, model_path: Path, terrain: Terrain | Non
     return spec
 
 
+def _unsaid(message: str) -> None:
+    """MuJoCo's warnings while it reads: what matters of them is an error, and said as one."""
+
+
 def read_spec(model_path: Path) -> mujoco.MjSpec:
     """An MJCF as it is.
 
@@ -81,6 +85,7 @@ def read_spec(model_path: Path) -> mujoco.MjSpec:
     """
     if not model_path.is_file():
         raise UserError(f"model file {model_path}: does not exist")
+    mujoco.set_mju_user_warning(_unsaid)
     try:
         spec = mujoco.MjSpec.from_file(str(model_path))
     except ValueError as error:

@@ -49,8 +49,8 @@ class MujocoPlant(Body):
         Raises:
             UserError: the file is missing or unreadable, or a setting is not legal.
         """
-        mujoco.set_mju_user_warning(_quiet)
         super().__init__(settings, model_path, control_period, seed=seed, walk_length=walk_length)
+        mujoco.set_mju_user_warning(_quiet)
         model, data = self.model, self.data
 
         def joint(name: str) -> int:

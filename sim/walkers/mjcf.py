@@ -56,6 +56,7 @@ def bare(path: Path) -> tuple[mujoco.MjSpec, list[Row]]:
     """
     if not path.is_file():
         raise UserError(f"{path}: no such file; expected an MJCF")
+    mujoco.set_mju_user_warning(_unsaid)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
@@ -78,6 +79,10 @@ def bare(path: Path) -> tuple[mujoco.MjSpec, list[Row]]:
         if texture.file or any(texture.cubefiles):
             spec.delete(texture)
     return spec, rows
+
+
+def _unsaid(message: str) -> None:
+    """MuJoCo's warnings while it reads: what matters of them is an error, and said as one."""
 
 
 def whole(path: Path, depth: int = 0) -> str:
