@@ -199,8 +199,10 @@ def _feet(state: NDArray[Any], steps: list[Step]) -> Iterator[tuple[str, Any, fl
     force = [np.stack([state[f"contact_force.{leg}.{part}"] for leg in LEGS])[stance, rows] for part in _PARTS]
     ratio = np.where(force[1] > 0.0, np.abs(force[0]) / force[1], 0.0)
     settled = since * (state["_time_ns"][-1] * 1e-9 / max(int(state["_tick"][-1]), 1)) - SETTLING
-    # Whether the tick just SETTLING after an impact counts is up to the rounding of the plant's clock.
-    yield "friction_ratio_max", [float(ratio[settled > e].max(initial=0.0)) for e in (1e-9, -1e-9)], TOLERANCE
+    # Whether a tick just SETTLING after its impact counts is up to the rounding of the plant's clock.
+    least = float(ratio[settled > 1e-9].max(initial=0.0))
+    more = [max(least, one) for one in ratio[np.abs(settled) <= 1e-9].tolist()]
+    yield "friction_ratio_max", [least, *more], TOLERANCE
 
 
 _PARTS = ("tangential", "normal")
