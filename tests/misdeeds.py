@@ -5,6 +5,7 @@
 
 import ctypes
 import os
+import signal
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,7 +101,8 @@ class Odd:
         if self.misdeed == "raise":
             raise ArithmeticError(f"number {self.number}")
         if self.misdeed == "hang":
-            ctypes.PyDLL(None).pause()  # no other thread of the process ever runs again
+            signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+            ctypes.PyDLL(None).pause()  # no other thread of the process, and no handler, ever runs again
 
 
 make = Odd
