@@ -139,8 +139,13 @@ def connect(address: str) -> Any:
         from distributed import Client
     except ImportError as error:
         raise UserError("--cluster: needs Dask; install cmpc-walker[cluster]") from error
-    for name in ("distributed", "tornado", "asyncio"):  # what goes wrong is said in one line, by us
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    for name in ("distributed", "tornado", "asyncio", *logging.root.manager.loggerDict):
+        if name.partition(".")[0] in (
+            "distributed",
+            "tornado",
+            "asyncio",
+        ):  # what goes wrong is said in one line, by us
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client: Any = Client(address, timeout=CONNECT_TIMEOUT)
     except (OSError, ValueError, TimeoutError) as error:
@@ -187,18 +192,18 @@ def cluster(campaign: Campaign, client: Any) -> Execute:
                     seen = _still_there(client, seen)
                     continue
                 _, trial = running.pop(future.key)
-                if future.status == "finished":
-                    yield _outcome(campaign, future.result())
-                elif isinstance(error := _error_of(future), UserError):  # a full disk
-                    raise error
-                else:
+                found = _fetched(future)
+                if isinstance(found, UserError):  # a full disk
+                    raise found
+                if isinstance(found, BaseException):
                     seen = _still_there(client, seen)
                     lost[trial] = lost.get(trial, 0) + 1
                     if lost[trial] <= RESTARTS:
                         submit(trial)
                         continue
-                    what = f"{type(error).__name__}: {error}"
-                    yield _outcome(campaign, End(argument=trial, how=Ended.RAISED, message=what))
+                    what = f"{type(found).__name__}: {found}"
+                    found = End(argument=trial, how=Ended.RAISED, message=what)
+                yield _outcome(campaign, found)
                 for more in itertools.islice(waiting, 1):
                     submit(more)
         finally:
@@ -246,10 +251,11 @@ def _leave(client: Any, futures: list[Any]) -> None:
         return
 
 
-def _error_of(future: Any) -> BaseException | None:
+def _fetched(future: Any) -> End | BaseException:
+    """What came of a trial on a cluster, or why nothing did: its worker or the scheduler is gone."""
     try:
-        found: BaseException | None = future.exception(timeout=CONNECT_TIMEOUT)
-    except Exception as error:  # the future was cancelled or lost
+        found: End = future.result(timeout=CONNECT_TIMEOUT)
+    except Exception as error:
         return error
     return found
 
