@@ -9,8 +9,9 @@ from controller.ltv.cost import ROWS, new_problem, objective, off_the_orbit
 from controller.ltv.cost import model as quadratic
 from controller.ltv.horizon import Outlook, look_ahead, new_horizon
 from controller.ltv.orbit import find_orbit
-from controller.ltv.problem import AT_LOWER, AT_UPPER, FREE, N_Z, new_state, residuals
+from controller.ltv.problem import N_Z, new_state, residuals
 from controller.ltv.sweep import solve
+from controller.qp.bounds import AT_LOWER, AT_UPPER, FREE
 from controller.settings import LtvSettings
 
 N = 8

@@ -56,8 +56,9 @@ def test_a_sweep_is_the_dense_newton_step(seed):
     fixed = rng.choice(np.array([-1, 0, 0, 1], dtype=np.int8), (N, 4))
     given, a, b = rng.normal(size=(3, N, 4))
     du, again, dw = np.empty((3, N, 4))
-    riccati.newton_step(p, fixed, given, weight_u, Omega, a, b, factors, du, dw)
-    riccati.step(p, fixed, given, Omega, a, b, factors, again, dw)  # from the factors kept
+    terms = riccati.Terms(fixed, given, weight_u, Omega, a, b)
+    riccati.newton_step(p, terms, factors, du, dw, N - 1)
+    riccati.step(p, terms, factors, again, dw)  # from the factors kept
 
     H, G = dense(problem, weight_u, Omega)
     gradient = G.T @ a.ravel() + b.ravel()
@@ -94,11 +95,10 @@ def test_active_set_and_interior_point_find_the_same_answer(seed, conflict):
     exact = make_solver("riccati", N, R).solve(problem)
     assert exact.found and exact.residuals[1] < 1e-6
 
-    point, factors = interior_point.new_point(N, R), riccati.new_factors(N)
-    w, gradient = np.empty((2, N, 4))
-    scale = interior_point.start(p, point, False, w, gradient)
+    point, newton = interior_point.new_point(N, R), interior_point.new_newton(N, R)
+    scale = interior_point.start(p, point, False, newton)
     tolerance = structured.INTERIOR_TOLERANCES[-1]
-    assert interior_point.minimise(p, point, scale, w, gradient, factors, tolerance, 60) > 0
+    assert interior_point.minimise(p, point, scale, newton, tolerance, 60) > 0
     np.testing.assert_allclose(point.u, exact.u, atol=1e-3)
 
 

@@ -146,10 +146,9 @@ class CascadedMpc(Law):
         horizon, problem = parts.value.horizon, parts.value.problem
         if found == READY:
             started = time.perf_counter()
-            solved, solver.hard = settle(parts, memory, step, i, solver.hard)
-            if solved:
+            if settle(parts, memory, step, i):
                 step["solve_s"][i] = time.perf_counter() - started
-                self._plan = CorrectedHorizon(horizon=horizon, u_mpc=solver.state.u)
+                self._plan = CorrectedHorizon(horizon=horizon, u_mpc=solver.state.sweep.u)
                 return
             solution = solver.next_in_line(problem, started)
         else:
@@ -213,13 +212,13 @@ def foresee(parts: Any, memory: Any, seen: Any, i: int) -> int:
 
 
 @compiled
-def settle(parts: Any, memory: Any, step: Any, i: int, hard: bool) -> tuple[bool, bool]:
-    """Solve the problem and fill row `i` of `step`, but for the time it took; whether it has an answer and was hard."""
+def settle(parts: Any, memory: Any, step: Any, i: int) -> bool:
+    """Solve the problem and fill row `i` of `step`, but for the time it took; whether it has an answer."""
     p = held(parts)
-    sweeps, hard, checks = advance(p.problem, p.state, hard)
+    sweeps, checks = advance(p.problem, p.state)
     if not good(checks):
-        return False, hard
-    m, out, horizon, u_mpc = memory[0], step[i], p.horizon, p.state.u[0]
+        return False
+    m, out, horizon, u_mpc = memory[0], step[i], p.horizon, p.state.sweep.u[0]
     for j in range(N_U):
         joint = j ^ m.leg
         out.u_zd[joint], out.u_mpc[joint] = horizon.u[0, j], u_mpc[j]
@@ -238,7 +237,7 @@ def settle(parts: Any, memory: Any, step: Any, i: int, hard: bool) -> tuple[bool
     out.slack, out.active, out.iterations = checks.slack, checks.active, sweeps
     out.followed = 0.0
     out.status, out.stance, out.fallback = OPTIMAL, m.leg, 0
-    return True, hard
+    return True
 
 
 def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: Friction | None) -> StageQP:

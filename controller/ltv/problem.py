@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from controller.compiled import Array, compiled
 from controller.ltv.coordinates import N_Z
-
-FREE, AT_LOWER, AT_UPPER = 0, -1, 1
+from controller.qp.bounds import AT_UPPER, FREE
 
 
 class LtvProblem(NamedTuple):

@@ -5,7 +5,8 @@ import numpy as np
 from controller.belief.linalg import cholesky4, cholesky4_solve
 from controller.compiled import compiled
 from controller.ltv.coordinates import DTHETA, N_Z, THETA
-from controller.ltv.problem import AT_LOWER, AT_UPPER, FREE, LtvProblem, LtvState
+from controller.ltv.problem import LtvProblem, LtvState
+from controller.qp.bounds import AT_UPPER, FREE, corrected
 
 
 @compiled
@@ -140,14 +141,7 @@ def first_torque(p: LtvProblem, s: LtvState) -> int:
             g = s.H0[i, 4]
             for j in range(4):
                 g += s.H0[i, j] * u[j]
-            new = s.fixed[i]
-            if new == FREE:
-                if u[i] < p.lower[i] - 1e-9:
-                    new = AT_LOWER
-                elif u[i] > p.upper[i] + 1e-9:
-                    new = AT_UPPER
-            elif new * g > 1e-6:
-                new = FREE
+            new = corrected(s.fixed[i], u[i], p.lower[i], p.upper[i], g)
             if new != s.fixed[i]:
                 s.fixed[i] = new
                 again = True

@@ -11,18 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.compiled import Array, compiled
+from controller.qp.bounds import AT_UPPER, corrected
 from controller.qp.problem import StageQP
-from controller.qp.riccati import (
-    AT_LOWER,
-    AT_UPPER,
-    FREE,
-    Factors,
-    newton_step,
-    smooth_gradient,
-)
+from controller.qp.riccati import Factors, Terms, new_factors, newton_step, smooth_gradient
 
-TORQUE_TOLERANCE = 1e-9  # [N.m] beyond a bound
-GRADIENT_TOLERANCE = 1e-6  # [cost/(N.m)] of the wrong sign at a bound
+PATIENCE = 2  # sweeps in succession that do not come closer to a guess without errors
 
 
 class Guess(NamedTuple):
@@ -48,51 +41,79 @@ def shift(guess: Guess) -> None:
             guess.exceeded[k, q] = guess.exceeded[k + 1, q]
 
 
+class Sweep(NamedTuple):
+    """Answer and room of a sweep.
+
+    Attributes:
+        u: Torques in [N.m], (N, 4).
+        w: Rates in [rad/s], (N, 4), whose row k holds w_{k+1}.
+        gradient: Of the whole objective by the torques, (N, 4).
+        terms: Scratch.
+        factors: Scratch.
+    """
+
+    u: Array
+    w: Array
+    gradient: Array
+    terms: Terms
+    factors: Factors
+
+
+def new_sweep(N: int, terms: Terms) -> Sweep:
+    """Room for N stages; `terms` may be shared with other methods."""
+    return Sweep(np.zeros((N, 4)), np.zeros((N, 4)), np.zeros((N, 4)), terms, new_factors(N))
+
+
 @compiled
-def iterate(p: StageQP, guess: Guess, u: Array, w: Array, gradient: Array, factors: Factors, limit: int) -> int:
+def iterate(p: StageQP, guess: Guess, s: Sweep, limit: int) -> int:
     """Sweep until a guess is confirmed.
 
     Args:
-        p: StageQP.
+        p: Problem.
         guess: What is active; corrected.
-        u: Filled with the torques, (N, 4).
-        w: Filled with the rates, (N, 4).
-        gradient: Filled with the gradient of the whole objective, (N, 4).
-        factors: Scratch.
-        limit: Most sweeps.
+        s: Filled.
+        limit: On the sweeps.
 
     Returns:
-        Sweeps taken, negative if no guess was confirmed.
+        Sweeps taken, negative if no guess was confirmed: after `limit` of them, or where the corrections do not become
+        fewer.
     """
     N, r = guess.exceeded.shape
-    R, given, b = np.empty((N, 4)), np.empty((N, 4)), np.empty((N, 4))
-    Omega = np.empty((N, r))
+    terms = Terms(guess.fixed, s.terms.given, s.terms.R, s.terms.Omega, p.linear, s.terms.b)
     for k in range(N):
         for i in range(4):
-            R[k, i] = p.R[i]
+            terms.R[k, i] = p.R[i]
+    fewest, patience, last = 4 * N * (r + 1), PATIENCE, N - 1
     for count in range(1, limit + 1):
-        for k in range(N):
+        for k in range(last + 1):
             for i in range(4):
-                given[k, i] = p.upper[k, i] if guess.fixed[k, i] == AT_UPPER else p.lower[k, i]
-                b[k, i] = 0.0
+                terms.given[k, i] = p.upper[k, i] if guess.fixed[k, i] == AT_UPPER else p.lower[k, i]
+                terms.b[k, i] = 0.0
             for q in range(r):
-                Omega[k, q] = 0.0
+                terms.Omega[k, q] = 0.0
                 if guess.exceeded[k, q]:
-                    Omega[k, q] = p.penalty
+                    terms.Omega[k, q] = p.penalty
                     for i in range(4):
-                        b[k, i] -= p.penalty * p.limits[k, q] * p.rows[k, q, i]
-        newton_step(p, guess.fixed, given, R, Omega, p.linear, b, factors, u, w)
-        smooth_gradient(p, u, w, gradient)
-        if correct(p, guess, u, gradient) == 0:
+                        terms.b[k, i] -= p.penalty * p.limits[k, q] * p.rows[k, q, i]
+        newton_step(p, terms, s.factors, s.u, s.w, last)
+        smooth_gradient(p, s.u, s.w, s.gradient)
+        changes, last = correct(p, guess, s.u, s.gradient)
+        if changes == 0:
             return count
+        if changes < fewest:
+            fewest, patience = changes, PATIENCE
+        elif patience == 0:
+            return -count
+        else:
+            patience -= 1
     return -limit
 
 
 @compiled
-def correct(p: StageQP, guess: Guess, u: Array, gradient: Array) -> int:
-    """Complete the gradient by the rows' share, correct the guess, and say in how many places."""
+def correct(p: StageQP, guess: Guess, u: Array, gradient: Array) -> tuple[int, int]:
+    """Complete the gradient by the rows' share, correct the guess, and say in how many places and up to which stage."""
     N, r = guess.exceeded.shape
-    changes = 0
+    changes, last = 0, -1
     for k in range(N):
         for q in range(r):
             excess = -p.limits[k, q]
@@ -104,18 +125,10 @@ def correct(p: StageQP, guess: Guess, u: Array, gradient: Array) -> int:
                     gradient[k, i] += p.penalty * excess * p.rows[k, q, i]
             if exceeded != guess.exceeded[k, q]:
                 guess.exceeded[k, q] = exceeded
-                changes += 1
+                changes, last = changes + 1, k
         for i in range(4):
-            old = guess.fixed[k, i]
-            new = old
-            if old == FREE:
-                if u[k, i] < p.lower[k, i] - TORQUE_TOLERANCE:
-                    new = AT_LOWER
-                elif u[k, i] > p.upper[k, i] + TORQUE_TOLERANCE:
-                    new = AT_UPPER
-            elif old * gradient[k, i] > GRADIENT_TOLERANCE:
-                new = FREE
-            if new != old:
+            new = corrected(guess.fixed[k, i], u[k, i], p.lower[k, i], p.upper[k, i], gradient[k, i])
+            if new != guess.fixed[k, i]:
                 guess.fixed[k, i] = new
-                changes += 1
-    return changes
+                changes, last = changes + 1, k
+    return changes, last

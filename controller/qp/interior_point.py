@@ -9,10 +9,10 @@ stays strictly inside.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.compiled import Array, compiled
 from controller.qp.active_set import Guess
+from controller.qp.bounds import AT_LOWER, AT_UPPER, FREE
 from controller.qp.fours import (
     dot,
     larger,
@@ -30,21 +30,12 @@ from controller.qp.fours import (
     vector,
 )
 from controller.qp.problem import StageQP
-from controller.qp.riccati import (
-    AT_LOWER,
-    AT_UPPER,
-    FREE,
-    Factors,
-    newton_step,
-    rates,
-    smooth_gradient,
-    step,
-)
+from controller.qp.riccati import Factors, Terms, new_factors, new_terms, newton_step, rates, smooth_gradient, step
 
 TO_BOUNDARY = 0.995  # share of the way to the nearest bound that a step may go
 FEASIBLE = 1e-7  # [N]
-INSIDE = 1e-2  # share of the box's width that the start keeps from its bounds
-COLD, WARM = 1e-1, 1e-4  # least multipliers at the start, relative to the gradient
+INSIDE_COLD, INSIDE_WARM = 1e-1, 1e-2  # share of the box's width that the start keeps from its bounds
+COLD, WARM = 1e-2, 1e-4  # smallest multipliers at the start, relative to the gradient
 
 
 class Point(NamedTuple):
@@ -68,67 +59,75 @@ class Newton(NamedTuple):
     """One Newton system.
 
     Attributes:
-        R: Diagonal of the input weight with the box barrier, (N, 4).
-        Omega: Weights of the contact-force rows, (N, r).
-        a: Gradient on w_{k+1}, (N, 4).
+        terms: R is the diagonal of the input weight with the box barrier, Omega the weights of the contact-force rows,
+            a the gradient on w_{k+1}; no torque is fixed.
         residual: d - E u + lambda / rho - t in [N], (N, r).
         per_below, per_above: Reciprocal distances to the bounds in [1/(N.m)], (N, 4).
         per_row: 1 / (t + lambda / rho) in [1/N], (N, r).
         factors: Of the matrix.
+        w: Rates in [rad/s], (N, 4).
+        gradient: Of the smooth part of the objective by the torques, (N, 4).
+        d: Direction.
+        second: What a Newton step leaves out.
+        dw: Change of the rates along the direction, (N, 4).
     """
 
-    R: Array
-    Omega: Array
-    a: Array
+    terms: Terms
     residual: Array
     per_below: Array
     per_above: Array
     per_row: Array
     factors: Factors
+    w: Array
+    gradient: Array
+    d: Point
+    second: Point
+    dw: Array
 
 
-@compiled
 def new_point(N: int, r: int) -> Point:
     """Room for a point of N stages with r rows each."""
     return Point(np.zeros((N, 4)), np.zeros((N, 4)), np.zeros((N, 4)), np.zeros((N, r)), np.zeros((N, r)))
 
 
+def new_newton(N: int, r: int) -> Newton:
+    """Room for the system of N stages with r rows each."""
+    four, rows = (N, 4), (N, r)
+    z = np.zeros
+    return Newton(
+        new_terms(N, r), z(rows), z(four), z(four), z(rows), new_factors(N), z(four), z(four),
+        new_point(N, r), new_point(N, r), z(four),
+    )  # fmt: skip
+
+
 @compiled
-def minimise(
-    p: StageQP, x: Point, scale: float, w: Array, gradient: Array, factors: Factors, tolerance: float, limit: int
-) -> int:
+def minimise(p: StageQP, x: Point, scale: float, newton: Newton, tolerance: float, limit: int) -> int:
     """Minimise from a point inside all bounds: that of `start`, or where an earlier call with less tolerance ended.
 
     Args:
-        p: StageQP.
+        p: Problem.
         x: The point; overwritten by the answer.
         scale: From `start`.
-        w: Filled with the rates, (N, 4).
-        gradient: Filled with the gradient of the smooth part of the objective, (N, 4).
-        factors: Scratch.
+        newton: Scratch.
         tolerance: On stationarity and mean complementarity, relative to `scale`.
-        limit: Most iterations.
+        limit: On the iterations.
 
     Returns:
         Iterations, negative if the tolerance was not reached.
     """
-    N, r = p.limits.shape
-    d, second = new_point(N, r), new_point(N, r)
-    e = np.empty
-    newton = Newton(e((N, 4)), e((N, r)), e((N, 4)), e((N, r)), e((N, 4)), e((N, 4)), e((N, r)), factors)
-    free = np.zeros((N, 4), dtype=np.int8)
+    d, second = newton.d, newton.second
     for count in range(limit + 1):
-        rates(p, x.u, w)
-        smooth_gradient(p, x.u, w, gradient)
-        mu, stationarity, feasibility = linearise(p, x, w, gradient, newton)
+        rates(p, x.u, newton.w)
+        smooth_gradient(p, x.u, newton.w, newton.gradient)
+        mu, stationarity, feasibility = linearise(p, x, newton)
         if mu <= tolerance * scale and stationarity <= tolerance * scale and feasibility <= FEASIBLE:
             return count
         for part in second:
             part[:] = 0.0
-        direction(p, x, newton, 0.0, second, free, True, d)
+        direction(p, x, newton, 0.0, True)
         affine = complementarity(p, x, d, longest(x, newton, d))
         second_order(d, second)
-        direction(p, x, newton, mu * (affine / mu) ** 3, second, free, False, d)
+        direction(p, x, newton, mu * (affine / mu) ** 3, False)
         alpha = min(1.0, TO_BOUNDARY * longest(x, newton, d))
         advance(x, alpha, d)
     return -limit
@@ -164,28 +163,28 @@ def advance(x: Point, alpha: float, d: Point) -> None:
 
 
 @compiled
-def start(p: StageQP, x: Point, warm: bool, w: Array, gradient: Array) -> float:
+def start(p: StageQP, x: Point, warm: bool, newton: Newton) -> float:
     """Point to begin with, strictly inside all bounds.
 
     Args:
         p: StageQP.
-        x: The point of the tick before if `warm`; overwritten.
-        warm: Whether to begin near that, or at the centre of the torque box.
-        w: Filled with the rates, (N, 4).
-        gradient: Filled with the gradient of the smooth part of the objective, (N, 4).
+        x: Its torques are those of the tick before, and so is the rest if `warm`; overwritten.
+        warm: Whether to begin near all of that, or near the torques alone.
+        newton: Scratch.
 
     Returns:
         The largest gradient there, which residuals are relative to.
     """
     N, r = p.limits.shape
+    inside = INSIDE_WARM if warm else INSIDE_COLD
     for k in range(N):
         before = min(k + 1, N - 1)  # the tick before was one stage behind
         for i in range(4):
             low, width = p.lower[k, i], p.upper[k, i] - p.lower[k, i]
-            u = x.u[before, i] if warm else low + 0.5 * width
-            x.u[k, i] = min(max(u, low + INSIDE * width), low + (1.0 - INSIDE) * width)
-    rates(p, x.u, w)
-    smooth_gradient(p, x.u, w, gradient)
+            x.u[k, i] = min(max(x.u[before, i], low + inside * width), low + (1.0 - inside) * width)
+    gradient = newton.gradient
+    rates(p, x.u, newton.w)
+    smooth_gradient(p, x.u, newton.w, gradient)
     scale = max(1.0, np.abs(gradient).max())
     floor = (WARM if warm else COLD) * scale
     for k in range(N):
@@ -218,13 +217,14 @@ def identify(p: StageQP, x: Point, guess: Guess) -> None:
 
 
 @compiled
-def linearise(p: StageQP, x: Point, w: Array, gradient: Array, newton: Newton) -> tuple[float, float, float]:
+def linearise(p: StageQP, x: Point, newton: Newton) -> tuple[float, float, float]:
     """Newton system at x; returns mean complementarity product, stationarity and feasibility residual."""
     N, r = p.limits.shape
     rows, limits, weight, linear, softness = p.rows, p.limits, p.weight, p.linear, 1.0 / p.penalty
     at_lower, at_upper, at_u = p.lower, p.upper, x.u
     low, high, force, slack = x.lower, x.upper, x.force, x.slack
-    R, Omega, a, residual = newton.R, newton.Omega, newton.a, newton.residual
+    _, _, R, Omega, a, _ = newton.terms
+    residual, w, gradient = newton.residual, newton.w, newton.gradient
     per_below, per_above, per_row = newton.per_below, newton.per_above, newton.per_row
     R0 = (p.R[0], p.R[1], p.R[2], p.R[3])
     products = worst = (0.0, 0.0, 0.0, 0.0)
@@ -254,19 +254,17 @@ def linearise(p: StageQP, x: Point, w: Array, gradient: Array, newton: Newton) -
 
 
 @compiled
-def direction(
-    p: StageQP, x: Point, newton: Newton, mu: float, second: Point, free: NDArray[np.int8], fresh: bool, d: Point
-) -> None:
-    """Newton direction towards complementarity products mu, less the second-order terms; factorises if fresh."""
+def direction(p: StageQP, x: Point, newton: Newton, mu: float, fresh: bool) -> None:
+    """Newton direction towards complementarity products mu, without the second-order terms; factorises if fresh."""
     N, r = p.limits.shape
     rows, softness = p.rows, 1.0 / p.penalty
     at_u, low, high, force, slack = x
-    d_u, d_low, d_high, d_force, d_slack = d
+    d_u, d_low, d_high, d_force, d_slack = newton.d
+    second, terms = newton.second, newton.terms
     second_low, second_high, second_force = second.lower, second.upper, second.force
-    Omega, residual = newton.Omega, newton.residual
+    Omega, residual, b = terms.Omega, newton.residual, terms.b
     per_below, per_above, per_row = newton.per_below, newton.per_above, newton.per_row
     R0, target = (p.R[0], p.R[1], p.R[2], p.R[3]), (mu, mu, mu, mu)
-    b, dw = np.empty((N, 4)), np.empty((N, 4))
     for k in range(N):
         push = minus(
             scaled(minus(target, vector(second_high, k)), vector(per_above, k)),
@@ -280,9 +278,9 @@ def direction(
             g = minus_scaled(g, -(lam + change), row(rows, k, q))
         store(g, b, k)
     if fresh:
-        newton_step(p, free, at_u, newton.R, Omega, newton.a, b, newton.factors, d_u, dw)
+        newton_step(p, terms, newton.factors, d_u, newton.dw, N - 1)
     else:
-        step(p, free, at_u, Omega, newton.a, b, newton.factors, d_u, dw)
+        step(p, terms, newton.factors, d_u, newton.dw)
     for k in range(N):
         du, lam_low, lam_high = vector(d_u, k), vector(low, k), vector(high, k)
         towards_low = minus(minus(target, vector(second_low, k)), scaled(lam_low, du))

@@ -5,9 +5,9 @@ of any method for that problem, active-set or interior-point, is the minimiser o
 
     sum_k 1/2 dw_{k+1}' W_k dw_{k+1} + a_k' dw_{k+1} + 1/2 du_k' (R_k + E_k' Omega_k E_k) du_k + b_k' du_k
 
-with some du given. `factorise` runs the recursion of the cost-to-go 1/2 w' P w + c' w that depends on the matrices,
-`step` the one that depends on the vectors, so that a predictor-corrector pays for the matrices once. Cost grows
-linearly with the number of stages.
+with some du given. `newton_step` runs the recursion of the cost-to-go 1/2 w' P w + c' w, matrices and vectors,
+`step` that of the vectors alone, so that a predictor-corrector pays for the matrices once; and where the terms of late
+stages are as they were, the recursion goes on from what is kept of them. Cost grows linearly with the number of stages.
 """
 
 from typing import NamedTuple
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.compiled import Array, compiled
+from controller.qp.bounds import FREE
 from controller.qp.fours import (
     Matrix4,
     Vector4,
@@ -45,7 +46,25 @@ from controller.qp.fours import (
 )
 from controller.qp.problem import StageQP
 
-FREE, AT_LOWER, AT_UPPER = 0, -1, 1
+
+class Terms(NamedTuple):
+    """What a Newton step minimises beside the problem's own numbers, and which torques it may move.
+
+    Attributes:
+        fixed: Nonzero where the step of a torque is given, (N, 4).
+        given: Step of the fixed torques, (N, 4); ignored where they are free.
+        R: Diagonal weight on the torques, (N, 4).
+        Omega: Weights of the contact-force rows, (N, r).
+        a: Linear term on dw_{k+1}, (N, 4).
+        b: Linear term on du_k, (N, 4).
+    """
+
+    fixed: NDArray[np.int8]
+    given: Array
+    R: Array
+    Omega: Array
+    a: Array
+    b: Array
 
 
 class Factors(NamedTuple):
@@ -56,54 +75,56 @@ class Factors(NamedTuple):
         d: Reciprocals of the pivots, (N, 4).
         A: M_k' P with P the cost-to-go, (N, 4, 4).
         Z: diag(d) L^-1 A, without the fixed torques' rows, (N, 4, 4).
+        P, c: Of the cost-to-go 1/2 w' P w + c' w at the beginning of each stage, (N, 4, 4) and (N, 4).
+        t: Step but for its feedback, (N, 4).
     """
 
     L: Array
     d: Array
     A: Array
     Z: Array
+    P: Array
+    c: Array
+    t: Array
 
 
 @compiled
 def new_factors(N: int) -> Factors:
     """Room for the factors of N stages."""
-    return Factors(np.zeros((N, 6)), np.zeros((N, 4)), np.zeros((N, 4, 4)), np.zeros((N, 4, 4)))
+    n = N, 4, 4
+    return Factors(
+        np.zeros((N, 6)), np.zeros((N, 4)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((N, 4)), np.zeros((N, 4))
+    )
+
+
+def new_terms(N: int, r: int) -> Terms:
+    """Room for N stages with r contact-force rows each, all torques free."""
+    z = np.zeros
+    return Terms(z((N, 4), dtype=np.int8), z((N, 4)), z((N, 4)), z((N, r)), z((N, 4)), z((N, 4)))
 
 
 @compiled
-def newton_step(
-    p: StageQP,
-    fixed: NDArray[np.int8],
-    given: Array,
-    R: Array,
-    Omega: Array,
-    a: Array,
-    b: Array,
-    factors: Factors,
-    du: Array,
-    dw: Array,
-) -> None:
+def newton_step(p: StageQP, terms: Terms, factors: Factors, du: Array, dw: Array, last: int) -> None:
     """Factorise the Newton matrix and step.
 
     Args:
-        p: StageQP.
-        fixed: Nonzero where the step of a torque is given, (N, 4).
-        given: Step of the fixed torques, (N, 4); ignored where they are free.
-        R: Diagonal weight on the torques, (N, 4).
-        Omega: Weights of the contact-force rows, (N, r).
-        a: Linear term on dw_{k+1}, (N, 4).
-        b: Linear term on du_k, (N, 4).
+        p: Problem.
+        terms: What to minimise.
         factors: Filled.
         du: Filled with the step, (N, 4).
         dw: Filled with what it does to the rates, (N, 4), whose row k holds dw_{k+1}.
+        last: Last stage whose terms differ from those the factors were made of; N - 1 makes all anew.
     """
-    N, r = Omega.shape
     rate, weight, rows = p.rate, p.weight, p.rows
-    kept_L, kept_d, kept_A, kept_Z = factors
+    fixed, R, Omega = terms.fixed, terms.R, terms.Omega
+    kept_L, kept_d, kept_A, kept_Z, kept_P, kept_c, kept_t = factors
+    N, r = Omega.shape
     zero = (0.0, 0.0, 0.0, 0.0)
     P = (zero, zero, zero, zero)
     c = zero
-    for k in range(N - 1, -1, -1):
+    if last < N - 1:
+        P, c = matrix(kept_P, last + 1), vector(kept_c, last + 1)
+    for k in range(last, -1, -1):
         M = matrix(rate, k)
         P = plus_diagonal(P, vector(weight, k))
         A = product(transposed(M), P)
@@ -120,38 +141,31 @@ def newton_step(
         Y = solve_lower_rows(L, Y)
         Z = rows_scaled(d, Y)
         P = matrix_minus(P, symmetric_product(transposed(Y), Z))
-        c, t = _backward(rows, k, c, M, A, Z, L, d, free, given, Omega, a, b)
-        store(t, du, k)
+        stage = (M, A, Z, L, d, free)
+        c, t = _backward(p, terms, k, c, stage)
+        store(t, kept_t, k)
+        store(c, kept_c, k)
         store(d, kept_d, k)
         store_matrix(A, kept_A, k)
         store_matrix(Z, kept_Z, k)
+        store_matrix(P, kept_P, k)
         for i in range(6):
             kept_L[k, i] = L[i]
-    _forward(rate, kept_L, kept_Z, du, dw)
+    _forward(rate, factors, du, dw)
 
 
 @compiled
-def step(
-    p: StageQP,
-    fixed: NDArray[np.int8],
-    given: Array,
-    Omega: Array,
-    a: Array,
-    b: Array,
-    factors: Factors,
-    du: Array,
-    dw: Array,
-) -> None:
+def step(p: StageQP, terms: Terms, factors: Factors, du: Array, dw: Array) -> None:
     """Step with the factors of the last `newton_step` and other linear terms; arguments as there."""
-    rate, rows = p.rate, p.rows
-    kept_L, kept_d, kept_A, kept_Z = factors
+    rate = p.rate
+    kept_L, kept_d, kept_A, kept_Z, _, _, kept_t = factors
     c = (0.0, 0.0, 0.0, 0.0)
-    for k in range(Omega.shape[0] - 1, -1, -1):
-        M, A, Z = matrix(rate, k), matrix(kept_A, k), matrix(kept_Z, k)
-        L, d = _lower(kept_L, k), vector(kept_d, k)
-        c, t = _backward(rows, k, c, M, A, Z, L, d, _free(fixed, k), given, Omega, a, b)
-        store(t, du, k)
-    _forward(rate, kept_L, kept_Z, du, dw)
+    for k in range(terms.Omega.shape[0] - 1, -1, -1):
+        free = _free(terms.fixed, k)
+        stage = (matrix(rate, k), matrix(kept_A, k), matrix(kept_Z, k), _lower(kept_L, k), vector(kept_d, k), free)
+        c, t = _backward(p, terms, k, c, stage)
+        store(t, kept_t, k)
+    _forward(rate, factors, du, dw)
 
 
 @inlined
@@ -186,8 +200,10 @@ def _without_fixed(F: Matrix4, free: Vector4) -> Matrix4:
 
 
 @inlined
-def _backward(rows, k, c, M, A, Z, L, d, free, given, Omega, a, b):  # type: ignore[no-untyped-def]
+def _backward(p, terms, k, c, stage):  # type: ignore[no-untyped-def]
     """The vector recursion at a stage: the linear term c of the cost-to-go, and the step but for its feedback."""
+    M, A, Z, L, d, free = stage
+    rows, given, Omega, a, b = p.rows, terms.given, terms.Omega, terms.a, terms.b
     c = plus(c, vector(a, k))
     g = vector(b, k)
     u = (0.0, 0.0, 0.0, 0.0)
@@ -205,11 +221,12 @@ def _backward(rows, k, c, M, A, Z, L, d, free, given, Omega, a, b):  # type: ign
 
 
 @inlined
-def _forward(rate: Array, kept_L: Array, kept_Z: Array, du: Array, dw: Array) -> None:
+def _forward(rate: Array, factors: Factors, du: Array, dw: Array) -> None:
     """Add the feedback on the rates and carry the rates on."""
+    kept_L, kept_Z, kept_t = factors.L, factors.Z, factors.t
     w = (0.0, 0.0, 0.0, 0.0)
     for k in range(du.shape[0]):
-        u = minus(vector(du, k), times(matrix(kept_Z, k), w))
+        u = minus(vector(kept_t, k), times(matrix(kept_Z, k), w))
         u = solve_upper(_lower(kept_L, k), u)
         w = plus(w, times(matrix(rate, k), u))
         store(u, du, k)

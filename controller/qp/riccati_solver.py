@@ -17,32 +17,48 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from controller.compiled import Array, compiled
-from controller.qp import active_set, interior_point
-from controller.qp.active_set import Guess
-from controller.qp.interior_point import Point
+from controller.compiled import compiled
+from controller.qp import active_set, interior_point, riccati
+from controller.qp.active_set import Guess, Sweep
+from controller.qp.interior_point import Newton, Point
 from controller.qp.problem import Solution, Solver, StageQP, failed
 from controller.qp.residuals import Residuals, residuals
-from controller.qp.riccati import Factors, new_factors, rates, smooth_gradient
+from controller.qp.riccati import rates, smooth_gradient
 from controller.records import Status
 
-EASY_SWEEPS, HARD_SWEEPS, POLISH_SWEEPS = 8, 1, 4  # most sweeps: as a rule, after a hard tick, after interior point
+SWEEPS, POLISH_SWEEPS = 12, 6  # at most: at first, and from what the interior-point method says is active
 INTERIOR_ITERATIONS = 40
-INTERIOR_TOLERANCES = (1e-5, 1e-7, 1e-10)  # relative; what is active shows at the first in most cases
+INTERIOR_TOLERANCES = (1e-5, 1e-7, 1e-9)  # relative; what is active shows at the first in most cases
 STATIONARY = 1e-4  # [N.m] residual of an answer that may be used
 AT_BOUND = 1e-7  # [N.m] what counts as sitting at a bound
 
 
 class State(NamedTuple):
-    """What the solver keeps between ticks."""
+    """What the solver keeps between ticks, and its room.
+
+    Attributes:
+        guess: What was active at the last answer.
+        point: Of the last interior-point iteration.
+        sweep: The last answer.
+        newton: Room of the interior-point method.
+        hard: Whether the last tick needed that, (1,).
+    """
 
     guess: Guess
     point: Point
-    u: Array
-    w: Array
-    gradient: Array
-    factors: Factors
+    sweep: Sweep
+    newton: Newton
+    hard: NDArray[np.bool_]
+
+
+def new_state(N: int, r: int) -> State:
+    """Room for N stages with r contact-force rows each, and nothing remembered."""
+    guess = Guess(np.zeros((N, 4), dtype=np.int8), np.zeros((N, r), dtype=np.bool_))
+    newton = interior_point.new_newton(N, r)
+    sweep = active_set.new_sweep(N, riccati.new_terms(N, r))
+    return State(guess, interior_point.new_point(N, r), sweep, newton, np.zeros(1, dtype=np.bool_))
 
 
 class RiccatiSolver:
@@ -50,7 +66,6 @@ class RiccatiSolver:
 
     Attributes:
         state: What it keeps between ticks.
-        hard: Whether the last tick needed the interior-point method.
     """
 
     def __init__(self, N: int, r: int, fallbacks: tuple[Solver, ...]) -> None:
@@ -67,22 +82,17 @@ class RiccatiSolver:
 
     def reset(self) -> None:
         """Forget the last tick."""
-        N, r = self._N, self._r
-        guess = Guess(np.zeros((N, 4), dtype=np.int8), np.zeros((N, r), dtype=np.bool_))
-        u, w, gradient = np.zeros((3, N, 4))
-        self.state = State(guess, interior_point.new_point(N, r), u, w, gradient, new_factors(N))
-        self.hard = False
+        self.state = new_state(self._N, self._r)
 
     def solve(self, problem: StageQP) -> Solution:
         """Solve one tick's problem, starting from the answer to the last one."""
         started = time.perf_counter()
-        state = self.state
-        iterations, self.hard, checks = advance(problem, state, self.hard)
+        iterations, checks = advance(problem, self.state)
         if not good(checks):
             return self.next_in_line(problem, started)
         return Solution(
             found=True,
-            u=state.u.copy(),
+            u=self.state.sweep.u.copy(),
             status=Status.OPTIMAL,
             iterations=iterations,
             residuals=np.array(checks[:3]),
@@ -109,40 +119,43 @@ def good(checks: Residuals) -> bool:
 
 
 @compiled
-def advance(p: StageQP, s: State, hard: bool) -> tuple[int, bool, Residuals]:
-    """Answer one tick's problem into `s.u`.
+def advance(p: StageQP, s: State) -> tuple[int, Residuals]:
+    """Answer one tick's problem into `s.sweep.u`.
 
     Args:
-        p: StageQP.
+        p: Problem.
         s: State from the last tick.
-        hard: Whether the last tick needed the interior-point method.
 
     Returns:
-        Sweeps and iterations taken, whether this tick needed the interior-point method, and `residuals`.
+        Sweeps and iterations taken, and the answer's residuals.
     """
+    u, w, gradient = s.sweep.u, s.sweep.w, s.sweep.gradient
+    if not s.hard[0]:
+        for k in range(u.shape[0]):
+            for i in range(4):
+                s.point.u[k, i] = u[k, i]  # where the interior-point method would start
     active_set.shift(s.guess)
-    limit = HARD_SWEEPS if hard else EASY_SWEEPS
-    sweeps = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, limit)
-    if sweeps > 0:
-        return sweeps, False, residuals(p, s.u, s.gradient, AT_BOUND)
-    total = limit
+    total = active_set.iterate(p, s.guess, s.sweep, SWEEPS)
+    if total > 0:
+        s.hard[0] = False
+        return total, residuals(p, u, gradient, AT_BOUND)
+    total = -total
     polish = -1
-    scale = interior_point.start(p, s.point, hard, s.w, s.gradient)
+    scale = interior_point.start(p, s.point, s.hard[0], s.newton)
+    s.hard[0] = True
     for tolerance in INTERIOR_TOLERANCES:
-        total += abs(
-            interior_point.minimise(p, s.point, scale, s.w, s.gradient, s.factors, tolerance, INTERIOR_ITERATIONS)
-        )
+        total += abs(interior_point.minimise(p, s.point, scale, s.newton, tolerance, INTERIOR_ITERATIONS))
         interior_point.identify(p, s.point, s.guess)
-        polish = active_set.iterate(p, s.guess, s.u, s.w, s.gradient, s.factors, POLISH_SWEEPS)
+        polish = active_set.iterate(p, s.guess, s.sweep, POLISH_SWEEPS)
         total += abs(polish)
         if polish > 0:
             break
     if polish < 0:
-        for k in range(s.u.shape[0]):
+        for k in range(u.shape[0]):
             for i in range(4):
-                s.u[k, i] = s.point.u[k, i]
-        rates(p, s.u, s.w)
-        smooth_gradient(p, s.u, s.w, s.gradient)
+                u[k, i] = s.point.u[k, i]
+        rates(p, u, w)
+        smooth_gradient(p, u, w, gradient)
         interior_point.identify(p, s.point, s.guess)
-        active_set.correct(p, s.guess, s.u, s.gradient)
-    return total, True, residuals(p, s.u, s.gradient, AT_BOUND)
+        active_set.correct(p, s.guess, u, gradient)
+    return total, residuals(p, u, gradient, AT_BOUND)
