@@ -43,6 +43,18 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _kept(function, forceinline=True)
 
 
+def generic(function: Callable[..., Any]) -> Any:
+    """`compiled`, for a kernel that takes records of modules it does not import: any source of the controller counts.
+
+    What lies on disk names the classes of the records; where one of them is gone it cannot be read.
+    """
+    _GENERIC.add(function)
+    return _kept(function)
+
+
+_GENERIC: set[Callable[..., Any]] = set()
+
+
 def on_disk(kernel: Any) -> bool:
     """Whether a kernel needs no compiling: its machine code lies in the cache for this processor."""
     folder = Path(kernel.stats.cache_path)
@@ -64,7 +76,7 @@ class Locator(_CacheLocator):
     def __init__(self, function: Callable[..., Any], file: str) -> None:
         """Args: function: the kernel; file: of its source."""
         self._line = str(function.__code__.co_firstlineno)
-        self._digest = digest(Path(file))
+        self._digest = digest(Path(file), whole=function in _GENERIC)
         self._folder = cache_root() / f"{function.__module__}-{self._digest}"
 
     @classmethod
@@ -118,11 +130,16 @@ def _writable(folder: Path) -> bool:
 
 
 @functools.cache
-def digest(file: Path) -> str:
-    """Digest of a module's source, of the project's modules it imports, directly or not, and of the compilers."""
+def digest(file: Path, whole: bool = False) -> str:
+    """Digest of a module's source, of the project's modules it imports, directly or not, and of the compilers.
+
+    Args:
+        file: Of the module.
+        whole: Whether all sources of the controller count beside it.
+    """
     state = hashlib.blake2b(digest_size=8)
     state.update(repr((sys.version_info[:2], numba.__version__, llvmlite.__version__, np.__version__)).encode())
-    for source in sorted(_closure(file)):
+    for source in sorted(_closure(file).union((ROOT / "controller").rglob("*.py") if whole else ())):
         state.update(_text(source).encode())
     return state.hexdigest()
 

@@ -15,7 +15,7 @@ from numba import typeof, types
 from numba.core.registry import cpu_target
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 
-from controller.compiled import compiled
+from controller.compiled import generic
 
 
 class HeldType(types.Type):
@@ -87,12 +87,12 @@ release: Any = intrinsic(_release)
 held: Any = intrinsic(_held)
 
 
-@compiled
+@generic
 def _keep(address: int, value: Any) -> None:
     store(address, value)
 
 
-@compiled
+@generic
 def _drop(handle: Any) -> None:
     release(handle)
 

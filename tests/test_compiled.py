@@ -88,3 +88,24 @@ def test_two_copies_of_the_project_share_kernels(house, tmp_path):
 def test_the_users_own_place_is_taken(house, tmp_path):
     assert ask(house, **{CACHE_VARIABLE: str(tmp_path / "mine")}) == (["2.0"], "")
     assert len(list((tmp_path / "mine").glob("controller.caller-*"))) == 1
+
+
+def test_a_kernel_for_any_record_is_kept_by_all_sources_of_the_controller(house):
+    """What lies on disk for it names classes of records, which another version may not have."""
+    held, other = house / "controller" / "held.py", house / "controller" / "rivals" / "clf_qp.py"
+    code = f"from pathlib import Path; from controller.compiled import digest as d; p = Path({str(held)!r})"
+
+    def digests():
+        done = subprocess.run(
+            [sys.executable, "-c", f"{code}; print(d(p), d(p, whole=True))"],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=house,
+        )
+        return done.stdout.split()
+
+    before = digests()
+    other.write_text(other.read_text() + "# changed\n")
+    after = digests()
+    assert before[0] == after[0] and before[1] != after[1]
