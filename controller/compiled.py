@@ -7,13 +7,15 @@ a digest of the module, of every module of this project that it imports, and of 
 Common ground of both worlds: it knows nothing of a walker.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
 import re
+import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +61,28 @@ def on_disk(kernel: Any) -> bool:
     """Whether a kernel needs no compiling: its machine code lies in the cache for this processor."""
     folder = Path(kernel.stats.cache_path)
     return any(folder.glob(f"*.{kernel.py_func.__qualname__}-*.nbc")) if folder.is_dir() else False
+
+
+@contextlib.contextmanager
+def compiled_beside(module: str) -> Iterator[None]:
+    """Let another process compile a module's kernels, by its `compile_kernels`, until the body has run and it is done.
+
+    Compilation holds one lock a process; two processes use two cores. What the other one cannot do is compiled here
+    when it is asked for.
+    """
+    if (os.cpu_count() or 1) < 2:
+        yield
+        return
+    code = f"from {module} import compile_kernels; compile_kernels()"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])}
+    quiet = subprocess.DEVNULL
+    other = subprocess.Popen([sys.executable, "-c", code], env=environment, stdin=quiet, stdout=quiet, stderr=quiet)
+    try:
+        yield
+        other.wait()
+    finally:
+        other.kill()
+        other.wait()
 
 
 def _kept(function: Callable[..., Any], forceinline: bool = False) -> Any:

@@ -112,6 +112,17 @@ class RiccatiSolver:
         return failed(self._N, Status.NO_SOLUTION, time.perf_counter() - started)
 
 
+def compile_kernels() -> None:
+    """Compile all that a solve needs, on a problem of one stage; its answer does not matter."""
+    N, r = 1, 3
+    e = np.zeros
+    problem = StageQP(
+        e((N, 4, 4)), np.ones((N, 4)), e((N, 4)), np.ones(4), e((N, 4)) - 1.0, e((N, 4)) + 1.0, e((N, r, 4)),
+        np.ones((N, r)), 1.0,
+    )  # fmt: skip
+    RiccatiSolver(N, r, ()).solve(problem)
+
+
 @compiled
 def good(checks: Residuals) -> bool:
     """Whether an answer may be used; NaN is not."""

@@ -11,11 +11,12 @@ import numpy as np
 from controller import outside
 from controller.belief.closed_loop import zero_dynamics
 from controller.cmpc import CascadedMpc
-from controller.cmpc.prediction import roll_out
-from controller.compiled import on_disk
+from controller.cmpc.prediction import predict, roll_out
+from controller.compiled import compiled_beside, on_disk
 from controller.guard import Guarded, hangs_end
 from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
+from controller.records import Leg, StanceState
 from controller.settings import BUILT_IN
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import LEGS, OBSERVATION, STEP, Controller, Observation, Plant, RowController, Vector
@@ -147,8 +148,15 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
     """
     if isinstance(controller, Guarded):  # one from outside may count its ticks
         return
-    if announce and not on_disk(roll_out if isinstance(controller, CascadedMpc) else zero_dynamics):
+    first = not on_disk(roll_out if isinstance(controller, CascadedMpc) else zero_dynamics)
+    if announce and first:
         announce("compiling kernels, once, about 20 s")
+    if first and isinstance(controller, CascadedMpc):
+        with compiled_beside(
+            "controller.qp.riccati_solver"
+        ):  # the solver's in another process, while this one predicts
+            state = StanceState(q=observation.q, dq=observation.dq, leg=Leg.LEFT)
+            predict(controller.loop, state, controller.N, controller.T)
     controller.step(observation)
     if isinstance(controller, RowController):
         seen, step = np.zeros(1, OBSERVATION), np.zeros(1, STEP)  # no foot in contact: none lands
