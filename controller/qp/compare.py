@@ -4,7 +4,6 @@ import numpy as np
 
 from controller.qp.problem import Solution, Solver, StageQP
 from controller.qp.solvers import make_solver
-from controller.qp.sparse import SparseSolver
 from controller.records import Vector
 
 REFINE_FROM = 1e-5  # [N.m] apart in the first torque
@@ -74,6 +73,8 @@ class ComparingSolver:
 
 def exact_clarabel(N: int) -> Solver:
     """Clarabel at tolerances of 1e-12, the reference; at 1e-9 its first torque is still off by up to 0.02 N.m."""
+    from controller.qp.sparse import SparseSolver
+
     return SparseSolver("clarabel", N, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12)
 
 

@@ -14,6 +14,7 @@ bits; the same bytes everywhere are what replay and the tests rest on.
 
 import dataclasses
 import time
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -68,7 +69,7 @@ class RiccatiSolver:
         state: What it keeps between ticks.
     """
 
-    def __init__(self, N: int, r: int, fallbacks: tuple[Solver, ...]) -> None:
+    def __init__(self, N: int, r: int, fallbacks: Iterable[Solver]) -> None:
         """Make room.
 
         Args:
