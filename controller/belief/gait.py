@@ -16,6 +16,9 @@ from controller.errors import UserError
 from controller.products import inner
 from controller.records import ACTUATED, Vector, swap_legs
 
+LARGEST = 1e6
+"""Of any number in a gait file: beyond it arithmetic on it means nothing."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gait:
@@ -191,4 +194,6 @@ def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = Non
         raise UserError(f"{where}: {key} has shape {array.shape}; must be {legal}")
     if not np.isfinite(array).all():
         raise UserError(f"{where}: {key} holds a value that is not finite; must be {legal}")
+    if np.abs(array).max() > LARGEST:
+        raise UserError(f"{where}: {key} holds {np.abs(array).max():g}; must be {legal}, up to {LARGEST:g} each")
     return array

@@ -31,6 +31,7 @@ LENGTH = (0.05, 3.0)  # [m]
 GYRATION = 2.0  # largest radius of gyration by the link's length; reflected rotors make 1.35 of rabbit-tac's tibia
 
 
+@np.errstate(all="ignore")  # numbers of a file may be anything; what comes of them is judged
 def new_walker(
     folder: Path, file: Path, kind: Kind, given: Given, *, show: Callable[[Sequence[Row]], None]
 ) -> tuple[WalkerModel, dict[str, float]]:
