@@ -92,17 +92,12 @@ def test_the_users_own_place_is_taken(house, tmp_path):
 
 def test_a_kernel_for_any_record_is_kept_by_all_sources_of_the_controller(house):
     """What lies on disk for it names classes of records, which another version may not have."""
-    held, other = house / "controller" / "held.py", house / "controller" / "rivals" / "clf_qp.py"
-    code = f"from pathlib import Path; from controller.compiled import digest as d; p = Path({str(held)!r})"
+    kernel, other = house / "controller" / "callee.py", house / "controller" / "caller.py"
+    code = f"from pathlib import Path; from controller.compiled import digest as d; p = Path({str(kernel)!r})"
 
     def digests():
-        done = subprocess.run(
-            [sys.executable, "-c", f"{code}; print(d(p), d(p, whole=True))"],
-            capture_output=True,
-            text=True,
-            check=True,
-            cwd=house,
-        )
+        ask = f"{code}; print(d(p), d(p, whole=True))"
+        done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True, cwd=house)
         return done.stdout.split()
 
     before = digests()
