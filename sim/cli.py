@@ -4,10 +4,7 @@ A sub-command is a module of `sim.commands` with `add_parser(commands, argv)`, i
 in `COMMANDS`. It adds its parser and gives it, as the default of `run`, what the parsed words are handed to.
 """
 
-import contextlib
-import errno
 import importlib
-import os
 import sys
 from collections.abc import Sequence
 
@@ -33,7 +30,6 @@ COMMANDS = {
 
 EXIT_USER_ERROR = 2
 EXIT_INTERRUPTED = 130
-EXIT_NO_READER = 141
 
 
 def entry_point() -> None:
@@ -51,31 +47,13 @@ def main(argv: Sequence[str]) -> int:
         Exit code, as `docs/exit-codes.md` lists them.
     """
     try:
-        code = _run(argv)
-        if sys.stdout is not None:
-            sys.stdout.flush()
-        return code
+        return _run(argv)
     except UserError as error:
         print("cmpc: error:", " ".join(str(error).split()), file=sys.stderr)
         return EXIT_USER_ERROR
     except KeyboardInterrupt:
         print("cmpc: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # as of head, which has seen enough
-        _drop_output()
-        return EXIT_NO_READER
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EBADF, errno.EIO) or error.filename is not None:
-            raise
-        _drop_output()
-        print(f"cmpc: error: standard output cannot be written: {error.strerror}", file=sys.stderr)
-        return EXIT_USER_ERROR
-
-
-def _drop_output() -> None:
-    """Let what is still buffered go nowhere, so that Python does not fail on it at its end."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(argv: Sequence[str]) -> int:

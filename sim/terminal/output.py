@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable
 
-EXIT_UNWRITTEN = 1
+EXIT_UNWRITTEN = 2
 EXIT_BROKEN_PIPE = 128 + signal.SIGPIPE
 """As a shell reports a program that SIGPIPE ended."""
 
@@ -48,6 +48,8 @@ class Output(io.TextIOWrapper):
 def with_output(command: Callable[[], int]) -> int:
     """Run a command of a program; its exit code, or one of those above, with one line where output is lost.
 
+    What goes to an output that was closed before is not wanted.
+
     Args:
         command: Returns an exit code.
     """
@@ -63,14 +65,12 @@ def with_output(command: Callable[[], int]) -> int:
     except OSError:
         if output.failure is None:
             raise
-    if output.failure is None and not (isinstance(buffer, io.BytesIO) and buffer.getvalue()):
+    if output.failure is None:
         return code
-    if output.failure is not None:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what is still to be flushed
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what is still to be flushed
     if isinstance(output.failure, BrokenPipeError):
         return EXIT_BROKEN_PIPE
-    why = output.failure.strerror if output.failure else "it is closed"
-    print(f"cmpc: error: standard output cannot be written: {why}", file=sys.stderr)
+    print(f"cmpc: error: standard output cannot be written: {output.failure.strerror}", file=sys.stderr)
     return EXIT_UNWRITTEN
 
 
