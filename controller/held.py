@@ -2,7 +2,7 @@
 
 A call from Python costs 0.1 us for every array in its arguments, more than the arithmetic on most of them. What does
 not change from tick to tick is handed over once: `Held` stores the tuple as compiled code sees it, and `held` in
-compiled code gives it back.
+compiled code gives it back. Types that are handed over are named on disk: they must be this project's or plain tuples.
 
 Common ground of both worlds: it knows nothing of a walker.
 """

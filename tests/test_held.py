@@ -2,7 +2,6 @@
 
 import gc
 import weakref
-from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,37 +9,27 @@ from numba import njit
 from controller.held import Held, held
 
 
-class Inner(NamedTuple):
-    x: Any
-    factor: float
-    flag: bool
-
-
-class Outer(NamedTuple):
-    inner: Inner
-    flags: Any
-    codes: Any
-
-
 def outer(x):
-    return Outer(Inner(x, 2.0, True), np.zeros((2, 2), dtype=np.bool_), np.zeros(3, dtype=np.int8))
+    """Plain tuples: what is compiled is kept on disk, where a class of a test could not be found again."""
+    return (x, 2.0, True), np.zeros((2, 2), dtype=np.bool_), np.zeros(3, dtype=np.int8)
 
 
 @njit
 def mark(those):
-    t = held(those)
-    t.flags[1, 0] = True
-    t.codes[2] = -5
-    t.inner.x[0] += 1.0
-    return t.inner.factor * t.inner.x.sum() if t.inner.flag else -1.0
+    (x, factor, flag), flags, codes = held(those)
+    flags[1, 0] = True
+    codes[2] = -5
+    x[0] += 1.0
+    return factor * x.sum() if flag else -1.0
 
 
 def test_compiled_code_reads_and_writes_the_arrays_of_python():
     value = outer(np.arange(4.0))
     those = Held(value)
     assert mark(those) == 2.0 * 7.0
-    assert value.inner.x[0] == 1.0 and value.flags[1, 0] and value.codes.tolist() == [0, 0, -5]
-    value.inner.x[:] = 1.0
+    (x, _, _), flags, codes = value
+    assert x[0] == 1.0 and flags[1, 0] and codes.tolist() == [0, 0, -5]
+    x[:] = 1.0
     assert mark(those) == 2.0 * 5.0
 
 
