@@ -34,8 +34,8 @@ from controller.qp.riccati import Factors, Terms, new_factors, new_terms, newton
 
 TO_BOUNDARY = 0.995  # share of the way to the nearest bound that a step may go
 FEASIBLE = 1e-7  # [N]
-INSIDE_COLD, INSIDE_WARM = 1e-1, 1e-2  # share of the box's width that the start keeps from its bounds
-COLD, WARM = 1e-2, 1e-4  # smallest multipliers at the start, relative to the gradient
+INSIDE = 1e-2  # share of the box's width that the start keeps from its bounds
+COLD, WARM = 1e-1, 1e-4  # smallest multipliers at the start, relative to the gradient
 
 
 class Point(NamedTuple):
@@ -168,20 +168,20 @@ def start(p: StageQP, x: Point, warm: bool, newton: Newton) -> float:
 
     Args:
         p: StageQP.
-        x: Its torques are those of the tick before, and so is the rest if `warm`; overwritten.
-        warm: Whether to begin near all of that, or near the torques alone.
+        x: The point of the tick before if `warm`; overwritten.
+        warm: Whether to begin near that, or at the centre of the torque box.
         newton: Scratch.
 
     Returns:
         The largest gradient there, which residuals are relative to.
     """
     N, r = p.limits.shape
-    inside = INSIDE_WARM if warm else INSIDE_COLD
     for k in range(N):
         before = min(k + 1, N - 1)  # the tick before was one stage behind
         for i in range(4):
             low, width = p.lower[k, i], p.upper[k, i] - p.lower[k, i]
-            x.u[k, i] = min(max(x.u[before, i], low + inside * width), low + (1.0 - inside) * width)
+            u = x.u[before, i] if warm else low + 0.5 * width
+            x.u[k, i] = min(max(u, low + INSIDE * width), low + (1.0 - INSIDE) * width)
     gradient = newton.gradient
     rates(p, x.u, newton.w)
     smooth_gradient(p, x.u, newton.w, gradient)

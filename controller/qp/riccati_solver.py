@@ -31,7 +31,7 @@ from controller.records import Status
 
 SWEEPS, POLISH_SWEEPS = 12, 6  # at most: at first, and from what the interior-point method says is active
 INTERIOR_ITERATIONS = 40
-INTERIOR_TOLERANCES = (1e-5, 1e-7, 1e-9)  # relative; what is active shows at the first in most cases
+INTERIOR_TOLERANCES = (1e-5, 1e-7, 1e-10)  # relative; what is active shows at the first in most cases
 STATIONARY = 1e-4  # [N.m] residual of an answer that may be used
 AT_BOUND = 1e-7  # [N.m] what counts as sitting at a bound
 
@@ -142,10 +142,6 @@ def advance(p: StageQP, s: State) -> tuple[int, Residuals]:
         Sweeps and iterations taken, and the answer's residuals.
     """
     u, w, gradient = s.sweep.u, s.sweep.w, s.sweep.gradient
-    if not s.hard[0]:
-        for k in range(u.shape[0]):
-            for i in range(4):
-                s.point.u[k, i] = u[k, i]  # where the interior-point method would start
     active_set.shift(s.guess)
     total = active_set.iterate(p, s.guess, s.sweep, SWEEPS)
     if total > 0:
