@@ -22,7 +22,7 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from numba.core.caching import _CacheLocator
+from numba.core.caching import FunctionCache, _CacheLocator
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -48,10 +48,14 @@ def inlined(function: Callable[..., Any]) -> Any:
 def generic(function: Callable[..., Any]) -> Any:
     """`compiled`, for a kernel that takes records of modules it does not import: any source of the controller counts.
 
-    What lies on disk names the classes of the records; where one of them is gone it cannot be read.
+    What lies on disk names the classes of the records, those of a test or of a user's script among them; a process that
+    does not have one of them compiles anew.
     """
     _GENERIC.add(function)
-    return _kept(function)
+    kernel = _kept(function)
+    with _our_locator():
+        kernel._cache = _TolerantCache(function)
+    return kernel
 
 
 _GENERIC: set[Callable[..., Any]] = set()
@@ -86,12 +90,37 @@ def compiled_beside(module: str) -> Iterator[None]:
 
 
 def _kept(function: Callable[..., Any], forceinline: bool = False) -> Any:
+    with _our_locator():
+        return numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
+
+
+@contextlib.contextmanager
+def _our_locator() -> Iterator[None]:
     others = numba.config.CACHE_LOCATOR_CLASSES  # type: ignore[attr-defined]
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
+        yield
     finally:
         numba.config.CACHE_LOCATOR_CLASSES = others  # type: ignore[attr-defined]
+
+
+class _TolerantCache(FunctionCache):
+    """Takes what lies on disk for missing where it names records that this process cannot import."""
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """What lies there, or None."""
+        try:
+            return super().load_overload(signature, target)
+        except (ImportError, AttributeError):
+            return None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep a kernel, in place of those of strangers."""
+        try:
+            super().save_overload(signature, data)
+        except (ImportError, AttributeError):
+            self.flush()
+            super().save_overload(signature, data)
 
 
 class Locator(_CacheLocator):

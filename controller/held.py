@@ -7,6 +7,7 @@ compiled code gives it back. Types that are handed over are named on disk: they 
 Common ground of both worlds: it knows nothing of a walker.
 """
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -116,5 +117,5 @@ class Held:
         _keep(self.address, value)
 
     def __del__(self) -> None:
-        if _drop is not None and self.address:  # at the end of the process modules go first
+        if not sys.is_finalizing() and self.address:
             _drop(self)

@@ -1,9 +1,13 @@
 """A tuple handed over once is the same tuple to compiled code and to Python, for as long as somebody holds it."""
 
 import gc
+import os
+import subprocess
+import sys
 import weakref
 
 import numpy as np
+from conftest import ROOT
 from numba import njit
 
 from controller.held import Held, held
@@ -43,3 +47,26 @@ def test_arrays_live_as_long_as_the_handle_and_no_longer():
     del those
     gc.collect()
     assert watched() is None
+
+
+OTHER = """
+import sys, types, typing
+import numpy as np
+sys.path[:0] = [{root!r}, {here!r}]
+import strangers
+from controller.held import Held
+Held(strangers.Record(np.zeros(3)))
+"""
+
+
+def test_what_a_stranger_kept_on_disk_is_no_obstacle(tmp_path):
+    (tmp_path / "strangers.py").write_text(
+        "from typing import Any, NamedTuple\n\nclass Record(NamedTuple):\n    x: Any\n"
+    )
+    kept = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    code = OTHER.format(root=str(ROOT), here=str(tmp_path))
+    subprocess.run([sys.executable, "-c", code], check=True, env=kept)
+    ours = "from typing import NamedTuple; from controller.held import Held; Held((1.0, True))"
+    done = subprocess.run([sys.executable, "-c", ours], check=True, env=kept, cwd=ROOT, capture_output=True, text=True)
+    assert done.stderr == ""
+    subprocess.run([sys.executable, "-c", code], check=True, env=kept)
