@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from controller.belief import WalkerModel
-from controller.belief.model import Link
+from controller.belief.lumped import Link
 from controller.belief.published import Published
 from sim.errors import UserError
 from sim.interface import Vector
