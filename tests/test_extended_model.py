@@ -11,7 +11,7 @@ from conftest import RABBIT
 
 from controller.belief import Loop, WalkerModel, kernels
 from controller.belief.closed_loop import zero_dynamics
-from controller.belief.model import Joints, lump
+from controller.belief.lumped import Joints, lump
 from controller.design import orbit_kernels
 from controller.design.orbit import periodic_orbit
 from controller.design.requirements import Requirements, margins

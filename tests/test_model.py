@@ -8,7 +8,8 @@ import pytest
 from conftest import RABBIT
 
 from controller.belief import WalkerModel
-from controller.belief.model import B, Joints, lump
+from controller.belief.lumped import Joints, lump
+from controller.belief.model import B
 from controller.errors import UserError
 from controller.records import Leg, swap_legs
 

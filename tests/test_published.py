@@ -10,7 +10,8 @@ from controller.belief import WalkerModel
 from sim.bridge.convert import EXACT, proof_of
 from sim.cli import main
 from sim.walkers import urdf
-from sim.walkers.planar import Given, reduce
+from sim.walkers.planar import Given
+from sim.walkers.reduction import reduce
 
 GIVEN = ["--torque", 75, 50]
 

@@ -24,9 +24,10 @@ from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import differences, from_toml, shipped_names, to_toml
 from sim.trials.report.findings import random_findings, sides
 from sim.trials.run import Results, TrialResult
+from sim.trials.run.folder import FILE
 from sim.trials.run.recall import open_results, stored_scenario
 from sim.trials.run.result import result_without_times
-from sim.trials.run.store import FILE, Store
+from sim.trials.run.store import Store
 from sim.trials.run.trial import trial_scenario, trial_seed
 
 PLAN = """
@@ -353,7 +354,7 @@ def test_a_full_disk_stops_the_campaign_and_keeps_what_there_is(tmp_path: Path, 
 
 
 def test_a_second_campaign_in_the_same_folder_is_refused(plan: Plan, tmp_path: Path) -> None:
-    from sim.trials.run.store import locked
+    from sim.trials.run.folder import locked
 
     with locked(tmp_path), pytest.raises(UserError, match="another campaign"), locked(tmp_path):
         pass

@@ -20,9 +20,10 @@ import pytest
 
 from sim.bridge.run import run_scenario
 from sim.trials.run import TrialResult
+from sim.trials.run.folder import FILE
 from sim.trials.run.recall import stored_scenario
 from sim.trials.run.result import result_without_times
-from sim.trials.run.store import FILE, Store
+from sim.trials.run.store import Store
 
 pytestmark = pytest.mark.campaign
 

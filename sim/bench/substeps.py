@@ -3,15 +3,12 @@
 import time
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import mujoco
 
+from sim.bench.figure import Figure
 from sim.bridge.run import build_plant, load_belief, start_state
 from sim.scenario import load
-
-if TYPE_CHECKING:
-    from sim.bench.ticks import Figure
 
 STEPS = 1200  # of each try, 0.3 s of an undisturbed start
 TRIES = 5
@@ -35,6 +32,6 @@ def four_substeps() -> float:
     return PER_TICK * best
 
 
-def in_substeps(figures: Iterable["Figure"], four: float) -> "list[Figure]":
+def in_substeps(figures: Iterable[Figure], four: float) -> list[Figure]:
     """The figures with every time also as a multiple of four bare substeps, which take `four` in [s]."""
     return [replace(f, multiple=f.value * SECONDS[f.unit] / four) if f.unit in SECONDS else f for f in figures]

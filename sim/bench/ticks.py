@@ -1,18 +1,14 @@
 """The benchmark: what a tick, a solve and a run cost on this machine, and how exact they are."""
 
-import json
-import os
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sim.bench.figure import Figure
+from sim.bench.processes import memory, start_up
 from sim.bench.substeps import four_substeps, in_substeps
 from sim.bridge.run import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
 from sim.errors import UserError
@@ -26,33 +22,6 @@ RUNS = ("undisturbed", "push-25N", "friction-50N", "payload-x2")
 HORIZONS = (50, 100, 200, 500)  # [stages]
 TABLE_SOLVERS = ("riccati", "piqp", "clarabel")
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Figure:
-    """One measured figure.
-
-    Attributes:
-        name: What was measured.
-        value: In `unit`.
-        unit: Symbol, "x" for a ratio.
-        target: What is asked for, with its direction, such as "<= 0.15"; empty where nothing is.
-        multiple: A time over that of four bare substeps in the same run; None for what is no time.
-    """
-
-    name: str
-    value: float
-    unit: str
-    target: str = ""
-    multiple: float | None = None
-
-    @property
-    def holds(self) -> bool | None:
-        """Whether the target is met; None without one."""
-        if not self.target:
-            return None
-        direction, bound = self.target.split()
-        return self.value <= float(bound) if direction == "<=" else self.value >= float(bound)
 
 
 class TickTimes(NoTape):
@@ -265,59 +234,3 @@ def real_time(steps: int) -> list[Figure]:
             shares.append(1.0 - logged / plain)
     share = 100.0 * float(np.median(shares))
     return [*figures, Figure(name="recorder's share of a zd-pd run", value=share, unit="%", target="<= 25")]
-
-
-_FIRST_TICK = """
-from sim.bridge.run import run_scenario
-from sim.scenario import load
-run_scenario(load("undisturbed"), stop=lambda: "first tick")
-"""
-
-
-def start_up(steps: int) -> list[Figure]:
-    """Process start to first tick, kernels on disk and not."""
-
-    def seconds(**environment: str) -> float:
-        began = time.perf_counter()
-        subprocess.run([sys.executable, "-c", _FIRST_TICK], check=True, env={**os.environ, **environment})
-        return time.perf_counter() - began
-
-    with tempfile.TemporaryDirectory() as cache:
-        first = seconds(NUMBA_CACHE_DIR=cache)
-        warm = min(seconds(NUMBA_CACHE_DIR=cache) for _ in range(3))
-    return [
-        Figure(name="start to first tick, kernels on disk", value=warm, unit="s", target="<= 1"),
-        Figure(name="start to first tick, first ever", value=first, unit="s", target="<= 12"),
-    ]
-
-
-_LONG_RUN = """
-import sys, json
-from pathlib import Path
-from sim.bridge.run import run_scenario
-from sim.scenario import load, with_values
-kind, seconds, folder = sys.argv[1], float(sys.argv[2]), sys.argv[3]
-scenario = with_values(load("undisturbed"), {"steps": 10**6, "time_limit": seconds, "controller.kind": kind})
-resident = []
-def look(steps, t):
-    if t >= len(resident) * seconds / 50:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-        resident.append((t, pages))
-run_scenario(scenario, log=Path(folder) / "long.mcap", progress=look)
-print(json.dumps(resident))
-"""
-
-
-def memory(steps: int) -> list[Figure]:
-    """Resident memory over a long run with its log."""
-    if not Path("/proc/self/statm").exists():
-        return []
-    duration = 600.0 if steps > 3 else 60.0  # [s] simulated
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-c", _LONG_RUN, "zd-pd", str(duration), folder]
-        out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    t, pages = np.array(json.loads(out)).T
-    settled = pages[t >= min(60.0, duration / 2)]
-    growth = float(settled.max() - settled[0]) * os.sysconf("SC_PAGE_SIZE") / 1e6
-    return [Figure(name=f"memory growth over {duration:.0f} s simulated, after the first minute", value=growth,
-                   unit="MB", target="<= 5")]  # fmt: skip

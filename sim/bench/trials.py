@@ -4,8 +4,8 @@ import dataclasses
 import time
 from collections.abc import Callable
 
+from sim.bench.figure import Figure
 from sim.bench.substeps import four_substeps, in_substeps
-from sim.bench.ticks import Figure
 from sim.scenario import Scenario
 from sim.trials.plan import MonteCarloStudy, Plan
 from sim.trials.plan.montecarlo import RandomAxis

@@ -20,7 +20,7 @@ from sim.interface import COORDINATES, JOINTS, ControlStep, Observation, PlantSt
 from sim.loop import RunSummary, Stop
 from sim.loop.tape import EachTick
 from sim.plant import MujocoPlant, RigidPlant
-from sim.plant import rigid_kernels as kernels
+from sim.plant import rigid_equations as equations
 from sim.plant.rigid_walker import PinnedWalker
 from sim.plant.rows import FORCE
 from sim.scenario import Scenario
@@ -245,7 +245,7 @@ class Audit(EachTick):
         """Kinetic energy of the walker pinned at a foot in [J]."""
         walker = PinnedWalker(self._plant.model, self._data, self._plant.legs, np.zeros(0, FORCE))
         walker.leg = ("left", "right").index(stance)
-        kernels.place(walker.work, q, dq)
+        equations.place(walker.work, q, dq)
         return self._of_data()[1]
 
     def _point(self, state: PlantState, body: str, point: tuple[float, float]) -> Vector:

@@ -9,14 +9,15 @@ from typing import Literal
 import numpy as np
 
 from controller.belief import WalkerModel
-from controller.belief.model import Link
+from controller.belief.lumped import Link
 from controller.belief.published import Published
 from sim.errors import UserError
 from sim.interface import Vector
 from sim.walkers import mjcf, new, urdf, xacro
 from sim.walkers.new import Source
-from sim.walkers.planar import Given, PlanarLink, PlanarWalker, Row, placement, reduce
-from sim.walkers.tree import Tree
+from sim.walkers.planar import Given, PlanarLink, PlanarWalker, placement
+from sim.walkers.reduction import reduce
+from sim.walkers.tree import Row, Tree
 
 Kind = Literal["urdf", "mjcf", "xacro"]
 

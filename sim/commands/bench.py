@@ -11,7 +11,7 @@ from sim.commands.options import add_json
 from sim.terminal import console
 
 if TYPE_CHECKING:
-    from sim.bench.ticks import Figure
+    from sim.bench.figure import Figure
 
 
 def add_parser(commands: Any, argv: Sequence[str]) -> None:

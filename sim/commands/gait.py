@@ -165,9 +165,9 @@ def _polish(found: Namespace) -> int:
 
 
 def _import(found: Namespace) -> int:
-    from sim.bridge import gaits
+    from sim.bridge.gait_import import import_gait
 
-    made, apart = gaits.import_gait(
+    made, apart = import_gait(
         found.walker,
         Path(found.file),
         Path(found.out),

@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interface import COORDINATES, Vector
+from sim.plant import rigid_equations as equations
 from sim.plant import rigid_kernels as kernels
 from sim.plant.engine import address
 from sim.plant.kinematics import LegGeometry
@@ -16,7 +17,7 @@ class PinnedWalker:
     """Equations of motion of a walker whose stance foot is a hinge on the ground.
 
     Attributes:
-        work: One record of `rigid_kernels.WORK`, which compiled code reads and writes.
+        work: One record of `rigid_equations.WORK`, which compiled code reads and writes.
         foothold: Where the pinned foot is, (x, z) in [m], (2,).
         q: Its angles now in [rad], (5,).
         dq: Their rates in [rad/s], (5,).
@@ -29,7 +30,7 @@ class PinnedWalker:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, legs: LegGeometry, forces: NDArray[np.void]) -> None:
         """Args: model: the compiled walker; data: MuJoCo's, which is written; legs: their lengths; forces: none yet."""
         self.legs, self.forces, self.acting = legs, forces, NOTHING
-        self.work = work = np.zeros(1, kernels.WORK)
+        self.work = work = np.zeros(1, equations.WORK)
         self._leg, self.foothold, self._y = work["leg"], work["foothold"][0], work["y"][0]
         self.q, self.dq, self.torque = work["now"][0, :5], work["now"][0, 5:], work["torque"][0]
 
@@ -67,11 +68,11 @@ class PinnedWalker:
             Rates after it in [rad/s], (5,), the ground's impulse on the landing foot in [N.s], (2,), and the velocity
             with which the other foot leaves the ground in [m/s], (2,).
         """
-        kernels.place(self.work, self.q, self.dq)
+        equations.place(self.work, self.q, self.dq)
         hip = self._qpos[self._hip]
         kernels.weigh(self.work)
         after, impulse, old_foot = np.empty(5), np.empty(2), np.empty(2)
-        kernels.strike(self.work, self.q, self.dq, after, impulse, old_foot)
+        equations.strike(self.work, self.q, self.dq, after, impulse, old_foot)
         self.leg = 1 - self.leg
         self.foothold[:] = hip + self.legs.foot(self.q, self.leg)
         self.dq[:] = after

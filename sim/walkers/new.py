@@ -10,7 +10,8 @@ from pathlib import Path
 from string import Template
 
 from sim.errors import UserError
-from sim.walkers.planar import Given, PlanarJoint, PlanarLink, PlanarWalker, Row
+from sim.walkers.planar import Given, PlanarJoint, PlanarLink, PlanarWalker
+from sim.walkers.tree import Row
 
 TEMPLATES = Path(__file__).parent
 NAME = re.compile(r"[a-z][a-z0-9_-]*")

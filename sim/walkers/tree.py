@@ -1,4 +1,4 @@
-"""A robot's file as a tree of links, whatever its format: what `planar.py` makes a five-link walker of."""
+"""A robot's file as a tree of links, whatever its format: what `reduction.py` makes a five-link walker of."""
 
 import math
 from dataclasses import dataclass, field

@@ -12,7 +12,7 @@ from pathlib import Path
 from controller import outside
 from controller.settings import BUILT_IN
 from sim.errors import UserError
-from sim.log.read.reader import Log
+from sim.log.read.log import Log
 from sim.scenario import Scenario, from_toml
 from sim.walkers import ModelFiles
 from sim.walkers.model_files import LAW, LIBRARY

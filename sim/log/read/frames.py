@@ -22,7 +22,8 @@ from sim.errors import UserError
 from sim.log.format.layout import HEADER
 from sim.log.format.seal import KEY as SIGNATURE
 from sim.log.format.topics import EVENTS
-from sim.log.read.reader import Log, read_log, time_ns
+from sim.log.read.log import Log, time_ns
+from sim.log.read.reader import read_log
 
 _OWN = ("_tick", "_time_ns", "_publish_ns")  # what an MCAP message carries besides its fields
 MOST_COLUMNS = 2000

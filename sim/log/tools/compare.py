@@ -14,7 +14,7 @@ from sim.log.format.layout import HEADER
 from sim.log.format.seal import KEY as SIGNATURE
 from sim.log.format.topics import EVENTS, PER_TICK
 from sim.log.read import Log
-from sim.log.read.reader import time_ns
+from sim.log.read.log import time_ns
 from sim.log.tools.signed import signature_problems
 from sim.log.tools.text import printable
 

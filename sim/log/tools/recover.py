@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from sim.errors import UserError
 from sim.log.format.topics import PER_TICK
 from sim.log.read import Log
-from sim.log.read.reader import log_of, read_bytes, time_ns
+from sim.log.read.log import time_ns
+from sim.log.read.reader import log_of, read_bytes
 from sim.log.read.scan import Scan, scan
 from sim.log.tools.text import printable
 from sim.log.write.container import McapFile

@@ -5,7 +5,7 @@ import json
 from sim.log.format import seal
 from sim.log.format.topics import SIGNED_SINCE
 from sim.log.read import Log
-from sim.log.read.reader import time_ns
+from sim.log.read.log import time_ns
 
 
 def is_signed(log: Log) -> bool:

@@ -15,9 +15,10 @@ from sim.trials.plan import MarginStudy, Plan
 from sim.trials.plan.margin import next_positions
 from sim.trials.plan.plan import differences
 from sim.trials.run import workers as pools
+from sim.trials.run.folder import FILE, LOGS, locked, set_aside
 from sim.trials.run.origin import origin, origin_differences
 from sim.trials.run.result import TrialResult
-from sim.trials.run.store import FILE, LOGS, Counts, Store, locked, set_aside
+from sim.trials.run.store import Counts, Store
 
 CHANGE_NO_RESULT = ("wall_limit", "retries", "logs", "log_every", "description")
 """Settings of a plan that may change while its campaign goes on."""

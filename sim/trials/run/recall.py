@@ -6,8 +6,9 @@ from pathlib import Path
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan import Plan
+from sim.trials.run.folder import FILE
 from sim.trials.run.result import TrialResult
-from sim.trials.run.store import FILE, Store
+from sim.trials.run.store import Store
 from sim.trials.run.trial import trial_scenario
 
 

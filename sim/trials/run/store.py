@@ -5,9 +5,7 @@ and nothing else; the primary key makes a doubled trial impossible.
 """
 
 import dataclasses
-import fcntl
 import json
-import os
 import shutil
 import sqlite3
 import tempfile
@@ -17,7 +15,6 @@ import urllib.parse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
@@ -32,9 +29,6 @@ VERSION = 3
 
 LOG_PAGES = 100
 """Pages of the write-ahead log, of 4 KiB, after which it is folded into the file; a result takes two or three."""
-
-FILE = "results.sqlite"
-LOGS = "logs"
 
 _FIELDS = tuple(field.name for field in dataclasses.fields(TrialResult))
 _SQL_TYPES = {int: "INTEGER", bool: "INTEGER", float: "REAL", str: "TEXT"}
@@ -291,37 +285,3 @@ def _readable(path: Path | None) -> sqlite3.Connection:
 
 def _log_of(path: Path | None) -> Path:
     return Path(f"{path}-wal")
-
-
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep a second campaign out of a folder while the context lasts.
-
-    Raises:
-        UserError: the folder cannot be made, or another campaign is writing there.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        handle = os.open(folder / ".lock", os.O_CREAT | os.O_RDWR | os.O_CLOEXEC)
-    except OSError as error:
-        raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from error
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    except BlockingIOError as error:
-        raise UserError(f"--out {folder}: another campaign is writing there; wait for it or use another") from error
-    finally:
-        os.close(handle)
-
-
-def set_aside(folder: Path) -> Path | None:
-    """Move the results and logs of a folder into a backup beside them; the backup, None if there was nothing."""
-    file = folder / FILE
-    if not file.exists():
-        return None
-    backup = folder / f"backup-{datetime.now(UTC):%Y%m%dT%H%M%S%f}Z"
-    backup.mkdir()
-    for path in sorted(folder.iterdir()):
-        if not path.name.startswith(("backup-", ".lock")):
-            path.rename(backup / path.name)
-    return backup
