@@ -75,7 +75,8 @@ def write_review(log: Path | str, page: Path | str, *, other: Path | str | None 
         other: A second log.
 
     Raises:
-        UserError: a log cannot be read or has nothing to show, or the page cannot be written.
+        UserError: a log cannot be read, is of a format this program does not know or has nothing to show, or the page
+            cannot be written.
     """
     write_page([salvage(path) for path in (log, other) if path is not None], Path(page))
 

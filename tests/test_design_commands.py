@@ -104,10 +104,10 @@ def test_check_sees_models_that_disagree(capsys, tmp_path):
 
 
 BAD_URDF = {
-    "grams": ('mass value="12"', 'mass value="12000"', ["12000 kg", "grams", "legal"]),
+    "grams": ('mass value="12"', 'mass value="12000"', ["12000 kg", "grams", "must be"]),
     "millimetres": ('origin xyz="0 0 0.4"', 'origin xyz="0 0 400"', ["400 m", "millimetres"]),
-    "inertia": ('iyy="1.33"', 'iyy="1330"', ["radius of gyration", "legal"]),
-    "another topology": ('tip" type="fixed"', 'ankle" type="continuous"', ["left_ankle", "five links", "legal"]),
+    "inertia": ('iyy="1.33"', 'iyy="1330"', ["radius of gyration", "must be"]),
+    "another topology": ('tip" type="fixed"', 'ankle" type="continuous"', ["left_ankle", "five links", "must be"]),
 }
 
 
@@ -134,7 +134,7 @@ BAD = {
     "compared with another walker's": (["gait", "compare", "paper", TAC], ["fingerprint", "cmpc gait design"]),
     "gait of another walker": (["gait", "check", "L0.40-v0.80", "--walker", "rabbit-tac"], ["no such gait"]),
     "folder exists": (["walker", "new", RABBIT, "--urdf", URDF], ["already exists"]),
-    "folder name": (["walker", "new", "Not A Name", "--urdf", URDF], ["Not A Name", "legal"]),
+    "folder name": (["walker", "new", "Not A Name", "--urdf", URDF], ["Not A Name", "must be"]),
     "no urdf": (["walker", "new", "x", "--urdf", "nowhere.urdf"], ["nowhere.urdf", "no such"]),
     "gain of zero": (["gains", "search", "--kp", 0, 1, 1, 1, "--out", "g.toml"], ["--kp", "above 0"]),
     "no evaluations": (["gains", "search", "--evaluations", 0, "--out", "g.toml"], ["--evaluations 0", "must be"]),

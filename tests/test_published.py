@@ -118,7 +118,7 @@ def test_backward_knees_turn_the_walk(capsys, tmp_path):
 
 
 OUTSIDE = {
-    "mimic": (robots.urdf(more='<mimic joint="left_hip"/>'), ["left_hip", "mimics", "legal"]),
+    "mimic": (robots.urdf(more='<mimic joint="left_hip"/>'), ["left_hip", "mimics", "must be"]),
     "out of the plane": (robots.urdf(hip_rpy="1.5708 0 0"), ["left_hip", "leaves the plane"]),
     "skew axis": (robots.urdf(right_axis="0.01 -1 0"), ["right_hip", "0.01 rad", "leaves the plane"]),
     "unequal legs": (robots.urdf(right_mass=4.0), ["tibias", "3.2 and 4 kg", "equal legs"]),
@@ -173,7 +173,7 @@ BROKEN = {
     "a number that is none": (robots.urdf(com_x="-1.57."), ["'-1.57.'", "finite"]),
     "unknown parent": (robots.urdf().replace('parent link="torso"', 'parent link="tors"'), ["'tors'"]),
     "two roots": (robots.urdf(base='<link name="other"/>'), ["2 links without a parent"]),
-    "joint of another type": (robots.urdf(kind="helical"), ["helical", "legal"]),
+    "joint of another type": (robots.urdf(kind="helical"), ["helical", "must be"]),
 }
 
 

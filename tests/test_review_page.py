@@ -17,6 +17,7 @@ from sim.review.signals import Signals, decimated, signals_of
 from sim.scenario import load as load_scenario
 from sim.scenario import with_values
 from tests.browser import Browser
+from tests.log_mutations import Parts
 from tests.test_logs import hostile
 
 TWO_STEPS = {"steps": 2}
@@ -40,6 +41,18 @@ def pages(logs, tmp_path_factory):
     assert main(["review", str(logs[0]), "--no-open", "--out", str(one)]) == 0
     assert main(["review", *map(str, logs), "--no-open", "--out", str(two)]) == 0
     return one, two
+
+
+def test_a_log_of_a_newer_format_is_refused_in_one_line(logs, tmp_path, capsys):
+    parts = Parts.of(logs[0].read_bytes())
+    parts.said("run")["format"] = "99"
+    newer = tmp_path / "newer.mcap"
+    newer.write_bytes(parts.write())
+    for paths in ([newer], [logs[1], newer]):
+        assert main(["review", *map(str, paths), "--no-open", "--out", str(tmp_path / "page.html")]) == 2
+        line = f"cmpc: error: {newer} is of log format 99; this program reads 1 to 2: a newer one is needed\n"
+        assert capsys.readouterr().err == line
+    assert not (tmp_path / "page.html").exists()
 
 
 @pytest.fixture(scope="module")

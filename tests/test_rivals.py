@@ -78,9 +78,7 @@ steps = 1
 [[grid.axes]]
 paths = ["pushes.0.force"]
 also = ["pushes.0.step = 1"]
-low = -5
-high = 5
-count = 2
+values = [-5, 5]
 """)
     spec = pickle.loads(pickle.dumps(TrialSpec(plan=plan, controller=kind, index=1)))
     result = run_trial(spec)

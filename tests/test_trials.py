@@ -221,7 +221,6 @@ scan = 1
 name = "pushed"
 trials = 4
 [[montecarlo.axes]]
-name = "push"
 paths = ["pushes.0.force"]
 also = ["pushes.0.step = 1"]
 distribution = "uniform"
@@ -532,7 +531,9 @@ def test_names_from_a_plan_do_not_break_its_page(tmp_path: Path, capsys) -> None
     assert {path.parent for path in (tmp_path / "out").rglob("*.svg")} == {tmp_path / "out/plots"}
 
 
-UGLY = """
+AXIS = 'paths = ["plant.ground.slope"]\n'
+RANDOM = 'distribution = "uniform"\nlow = 0\nhigh = 0.1\n'
+UGLY = f"""
 name = "<script>alert(1)</script>"
 description = "<img src=x onerror=alert(2)>"
 controllers = ["zd-pd"]
@@ -556,15 +557,9 @@ name = "mc<b>"
 trials = 3
 [[montecarlo.axes]]
 name = "x\\u001b[31m<i>"
-paths = ["plant.mass_factor.torso"]
-distribution = "uniform"
-low = 0.5
-high = 1.5
-"""
+{AXIS}{RANDOM}"""
 
 
-AXIS = 'paths = ["plant.ground.slope"]\n'
-RANDOM = 'distribution = "uniform"\nlow = 0\nhigh = 0.1\n'
 ONE = f"[[montecarlo.axes]]\n{AXIS}{RANDOM}"
 MARGIN = f"[[margin]]\n[[margin.axes]]\n{AXIS}nominal = 0\n"
 BAD = {

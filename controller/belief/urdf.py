@@ -51,7 +51,7 @@ def parse(path: Path) -> ET.Element:
     except (ET.ParseError, ValueError, LookupError) as error:
         raise UserError(f"{path}: not a URDF Pinocchio can read ({str(error).splitlines()[0]})") from error
     if root.tag != "robot":
-        raise UserError(f"{path}: not a URDF Pinocchio can read (its root is <{root.tag[:40]}>, legal: <robot>)")
+        raise UserError(f"{path}: not a URDF Pinocchio can read (its root is <{root.tag[:40]}>; must be <robot>)")
     return root
 
 
@@ -69,7 +69,7 @@ def number(element: ET.Element | None, key: str, otherwise: float, where: str) -
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise UserError(f"{where}: {key or 'value'} = {text.strip()[:40]!r}; legal: a finite number")
+        raise UserError(f"{where}: {key or 'value'} = {text.strip()[:40]!r}; must be a finite number")
     return value
 
 
@@ -92,7 +92,7 @@ def joints(root: ET.Element, path: Path) -> dict[str, Joint]:
         name, kind = joint.get("name", ""), joint.get("type", "")
         where = f"{path}: joint {name}"
         if joint.find("mimic") is not None:
-            raise UserError(f"{where}: mimics another; legal: joints that move on their own")
+            raise UserError(f"{where}: mimics another; must move on its own")
         spring = springs.get(name, ET.Element("gazebo"))
         limit = joint.find("limit") if kind == "revolute" else None
         low = number(limit, "lower", -math.inf, where)

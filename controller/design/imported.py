@@ -56,7 +56,7 @@ def read_csv(text: str, where: str) -> dict[str, Vector]:
     rows = [row for row in csv.reader(text.splitlines()) if row and any(cell.strip() for cell in row)]
     if len(rows) <= FEWEST:
         raise UserError(
-            f"{where}: {max(len(rows) - 1, 0)} samples below the header; legal: {FEWEST} or more of one step"
+            f"{where}: {max(len(rows) - 1, 0)} samples below the header; must be {FEWEST} or more, of one step"
         )
     names = [cell.strip() for cell in rows[0]]
     values = np.empty((len(rows) - 1, len(names)))
@@ -67,7 +67,7 @@ def read_csv(text: str, where: str) -> dict[str, Vector]:
             values[number] = [float(cell) for cell in row]
         except ValueError as error:
             legal = f"{len(names)} numbers as in the header"
-            raise UserError(f"{where}: line {number + 2}: {error}; legal: {legal}") from error
+            raise UserError(f"{where}: line {number + 2}: {error}; must be {legal}") from error
     if not np.isfinite(values).all():
         raise UserError(f"{where}: a value is not finite")
     return {name: values[:, i] for i, name in enumerate(names)}
@@ -86,18 +86,18 @@ def sample_bezier(data: Mapping[str, Any], where: str) -> dict[str, Vector]:
     """
     outputs, clock = data.get("outputs"), data.get("clock")
     if not (isinstance(outputs, list) and len(outputs) == 4 and all(isinstance(name, str) for name in outputs)):
-        raise UserError(f"{where}: outputs = {str(outputs)[:60]}; legal: the names of four coordinates")
+        raise UserError(f"{where}: outputs = {str(outputs)[:60]}; must be the names of four coordinates")
     if not (isinstance(clock, Mapping) and all(isinstance(c, int | float) for c in clock.values())):
-        raise UserError(f"{where}: clock = {str(clock)[:60]}; legal: a table of coefficients by coordinate")
+        raise UserError(f"{where}: clock = {str(clock)[:60]}; must be a table of coefficients by coordinate")
     fifth = [name for name in clock if name not in outputs]
     if len(fifth) != 1 or not clock[fifth[0]]:
-        raise UserError(f"{where}: clock has {fifth} beside the outputs; legal: one more, its coefficient not 0")
+        raise UserError(f"{where}: clock has {fifth} beside the outputs; must be one more, its coefficient not 0")
     alpha, span = (_numbers(data, key, where) for key in ("alpha", "clock_range"))
     if alpha.ndim != 2 or alpha.shape[0] != 4 or alpha.shape[1] < 4 or span.shape != (2,) or span[0] == span[1]:
-        raise UserError(f"{where}: alpha {alpha.shape}, clock_range {span.shape}; legal: (4, 4 or more), (2,)")
+        raise UserError(f"{where}: alpha {alpha.shape}, clock_range {span.shape}; must be (4, 4 or more), (2,)")
     offset = data.get("clock_offset", 0.0)
     if isinstance(offset, bool) or not isinstance(offset, int | float) or not math.isfinite(offset):
-        raise UserError(f"{where}: clock_offset = {str(offset)[:40]}; legal: a number")
+        raise UserError(f"{where}: clock_offset = {str(offset)[:40]}; must be a number")
     s = np.linspace(0.0, 1.0, SAMPLES)
     values = alpha @ _basis(s, alpha.shape[1] - 1).T
     rest = span[0] + s * (span[1] - span[0]) - offset
@@ -166,12 +166,12 @@ def fit(model: WalkerModel, step: Step, degree: int, name: str, source: str, whe
         UserError: our clock does not grow along the step, or it is not long enough for the degree.
     """
     if not 4 <= degree <= 10:
-        raise UserError(f"degree = {degree}; legal: 4 to 10")
+        raise UserError(f"degree = {degree}; must be 4 to 10")
     theta = step.q @ CLOCK
     if not (np.diff(theta) > 0.0).all():
         worst = float(np.diff(theta).min())
         raise UserError(
-            f"{where}: the stance leg does not sweep forward all along the step (clock step {worst:.3g} rad); legal: "
+            f"{where}: the stance leg does not sweep forward all along the step (clock step {worst:.3g} rad); must be "
             "one step, from after an impact to before the next, of the leg that stands"
         )
     s = (theta - theta[0]) / (theta[-1] - theta[0])

@@ -67,7 +67,7 @@ def new_walker(
 
 
 def _legal(row: Row) -> str:
-    return f"legal: {row.made}" if row.verdict == "outside" else f"{row.verdict}: {row.made}"
+    return f"must be {row.made}" if row.verdict == "outside" else f"{row.verdict}: {row.made}"
 
 
 def _read(file: Path, kind: Kind, given: Given) -> tuple[Tree, Source]:
@@ -113,7 +113,7 @@ def _implausible(walker: PlanarWalker) -> list[Row]:
     for name, link in (("torso", walker.torso), ("femurs", walker.femur), ("tibias", walker.tibia)):
         complaint = complaint_of(link)
         if complaint:
-            found, _, legal = complaint.partition("; legal: ")
+            found, _, legal = complaint.partition("; must be ")
             rows.append(Row(part=name, found=found, made=legal, verdict="outside"))
     return rows
 
@@ -122,18 +122,18 @@ def complaint_of(link: Link | PlanarLink) -> str:
     """What is implausible about a link's numbers; empty where nothing is."""
     if not MASS[0] <= link.mass <= MASS[1]:
         unit = "; is that in grams?" if link.mass > MASS[1] else ""
-        return f"mass = {link.mass:g} kg; legal: {MASS[0]:g} to {MASS[1]:g} kg{unit}"
+        return f"mass = {link.mass:g} kg; must be {MASS[0]:g} to {MASS[1]:g} kg{unit}"
     for what, value in (("length", link.length), ("centre of mass", abs(link.com))):
         if value and not value <= LENGTH[1]:
-            return f"{what} = {value:g} m; legal: up to {LENGTH[1]:g} m; is that in millimetres?"
+            return f"{what} = {value:g} m; must be up to {LENGTH[1]:g} m; is that in millimetres?"
     if link.length and link.length < LENGTH[0]:
-        return f"length = {link.length:g} m; legal: {LENGTH[0]:g} m or more"
+        return f"length = {link.length:g} m; must be {LENGTH[0]:g} m or more"
     size = link.length or max(2.0 * abs(link.com), LENGTH[0])
     gyration = math.sqrt(link.inertia / link.mass)
     if gyration > GYRATION * size:
         return (
             f"inertia = {link.inertia:g} kg m^2: a radius of gyration of {gyration:.3g} m in a link of {size:.3g} m; "
-            f"legal: up to {GYRATION:g} times the link"
+            f"must be up to {GYRATION:g} times the link"
         )
     return ""
 

@@ -96,7 +96,7 @@ def _agreement(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
     for name, value in worst.items():
         yield Stage(
             name=f"MJCF and URDF agree: {name}",
-            found=f"within {value:.1e} of it at {STATES} states (legal: {AGREEMENT:g})",
+            found=f"within {value:.1e} of it at {STATES} states (must be within {AGREEMENT:g})",
             holds=value <= AGREEMENT,
         )
     if any(value > AGREEMENT for value in worst.values()):
@@ -175,7 +175,7 @@ def _conversion(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
     for what, value in worst.items():
         yield Stage(
             name=f"{name}: {what}",
-            found=f"within {value:.1e} of it at {CONVERSION_STATES} states (legal: {legal:.1e})",
+            found=f"within {value:.1e} of it at {CONVERSION_STATES} states (must be within {legal:.1e})",
             holds=value <= legal,
         )
 

@@ -21,6 +21,7 @@ OUT = Path("logs/basin")
 TORSO = (-0.8, 0.8, 9.0)  # [rad], [rad], number
 FORCE = (-40.0, 80.0, 7.0)  # [N], [N], number
 
+DESCRIPTION = "Basin of attraction of both controllers over torso offset and first-step force."
 EPILOG = """\
 The first state is offset in the torso angle, and a horizontal force pushes the torso throughout the first step; the
 scenario's own pushes and offsets play no part. --axis torso tilts the torso about the hip, --axis q5 the whole
@@ -38,13 +39,7 @@ exit code: 0 done, 2 bad input, 130 and 143 interrupted by Ctrl-C and SIGTERM
 def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = None) -> None:
     """Add the parser of `cmpc basin`, whose help shows a scenario's values."""
     parser, own = add_scenario(
-        commands,
-        "basin",
-        argv,
-        scenario,
-        description="Basin of attraction of both controllers over torso offset and first-step force.",
-        epilog=EPILOG,
-        default=DEFAULT,
+        commands, "basin", argv, scenario, description=DESCRIPTION, epilog=EPILOG, default=DEFAULT
     )
     parser.set_defaults(run=_run)
     for flag, unit, span in (("--torso", "rad", TORSO), ("--force", "N", FORCE)):

@@ -20,6 +20,7 @@ DEFAULT = "undisturbed"
 SETTLING = 60  # steps of the free walk whose scatter is reported
 KEPT = 20
 
+DESCRIPTION = "Stability of a scenario's gait: fixed point and eigenvalues of the step-to-step map."
 EPILOG = """\
 The map takes the state just before an impact to the state just before the next one, undisturbed: pushes and
 start offsets of the scenario play no part. Flags override the scenario:
@@ -35,13 +36,7 @@ exit code: 0 a fixed point was found, 1 none was found (the walker falls), 2 bad
 def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = None) -> None:
     """Add the parser of `cmpc poincare`, whose help shows a scenario's values."""
     parser, own = add_scenario(
-        commands,
-        "poincare",
-        argv,
-        scenario,
-        description="Stability of a scenario's gait: fixed point and eigenvalues of the step-to-step map.",
-        epilog=EPILOG,
-        default=DEFAULT,
+        commands, "poincare", argv, scenario, description=DESCRIPTION, epilog=EPILOG, default=DEFAULT
     )
     parser.set_defaults(run=_run)
     text = "use this perturbation only, without the step-size study"

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 EXIT_DIFFERENT = 1
 EXIT_PARTIAL = 3
 
+USAGE = "cmpc replay RUN.mcap [options]"
+DESCRIPTION = "Run a log again from its own scenario, models and gait."
 EPILOG = """\
 As it was: every tick, event and figure is compared with the log, to the last bit.
 With a change, the same situation is run into a new log; every flag of cmpc run will do, and so will
@@ -34,12 +36,7 @@ exit code: 0 identical (or the changed run is done); 1 different; 2 bad input or
 
 def add_parser(commands: Any, argv: Sequence[str]) -> None:
     """Add the parser of `cmpc replay`."""
-    parser = commands.add_parser(
-        "replay",
-        usage="cmpc replay RUN.mcap [options]",
-        description="Run a log again from its own scenario, models and gait.",
-        epilog=EPILOG,
-    )
+    parser = commands.add_parser("replay", usage=USAGE, description=DESCRIPTION, epilog=EPILOG)
     parser.set_defaults(run=_run)
     parser.add_argument("log_path", nargs="?", metavar="RUN.mcap", help="the log")
     own = parser.add_argument_group("options")

@@ -9,6 +9,8 @@ from typing import Any
 from sim.errors import UserError
 
 VIEWERS = ("foxglove", "plotjuggler")
+USAGE = "cmpc review RUN.mcap [B.mcap] [options]"
+DESCRIPTION = "Make one HTML page that shows a run, or two: it needs no network and can be sent by mail."
 EPILOG = """\
   cmpc review RUN.mcap                       one run
   cmpc review A.mcap B.mcap --out ab.html    two runs, overlaid and their difference
@@ -21,12 +23,7 @@ exit code: 0 done, 2 bad input
 
 def add_parser(commands: Any, argv: Sequence[str]) -> None:
     """Add the parser of `cmpc review`."""
-    parser = commands.add_parser(
-        "review",
-        usage="cmpc review RUN.mcap [B.mcap] [options]",
-        description="Make one HTML page that shows a run, or two: it needs no network and can be sent by mail.",
-        epilog=EPILOG,
-    )
+    parser = commands.add_parser("review", usage=USAGE, description=DESCRIPTION, epilog=EPILOG)
     parser.set_defaults(run=_run)
     parser.add_argument("paths", nargs="*", metavar="RUN.mcap", help="a log, or two; with --layout the file to write")
     parser.add_argument("--out", metavar="PATH", help="the page (default: beside the log, .html)")

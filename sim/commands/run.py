@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 LOGS = Path("logs")  # under the current directory
 WIDTH = 200  # columns of a table that goes to a file, so that paths stay whole
 
+DESCRIPTION = "Run one scenario: a walker, a controller, a plant and what disturbs it."
 EPILOG = """\
 Flags override the scenario. Every setting is a flag by its dotted path, and a key of a scenario file by
 the same path. none unsets a value that may be missing. Pushes are numbered from 0; one past the last
@@ -47,7 +48,7 @@ def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = N
         "run",
         argv,
         scenario,
-        description="Run one scenario: a walker, a controller, a plant and what disturbs it.",
+        description=DESCRIPTION,
         epilog=EPILOG,
         default=DEFAULT,
         text="a shipped scenario (see --list) or a scenario file",

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from sim.trials.run.store import Counts
 
 LEAST_TRIALS = 4  # of a benchmark
+USAGE = "cmpc trials PLAN|FILE.toml --out DIR [options]"
+DESCRIPTION = "Run the trials of a plan and leave a database, a table, plots and a page in DIR."
 EPILOG = """\
 also:
   cmpc trials --list                    the plans that come with the program
@@ -54,12 +56,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
         actions = commands.add_parser("trials").add_subparsers()
         others[argv[0]](actions.add_parser(argv[0]))
         return
-    parser = commands.add_parser(
-        "trials",
-        usage="cmpc trials PLAN|FILE.toml --out DIR [options]",
-        description="Run the trials of a plan and leave a database, a table, plots and a page in DIR.",
-        epilog=EPILOG,
-    )
+    parser = commands.add_parser("trials", usage=USAGE, description=DESCRIPTION, epilog=EPILOG)
     parser.set_defaults(run=_run)
     parser.add_argument("plan", nargs="?", metavar="PLAN|FILE.toml", help="a shipped plan or a plan file")
     parser.add_argument("--list", action="store_true", help="list the shipped plans")

@@ -7,6 +7,8 @@ from typing import Any
 
 from sim.errors import UserError
 
+USAGE = "cmpc video RUN.mcap OUT.mp4|.gif|.png [options]"
+DESCRIPTION = "Draw a run with the plant's own model; the camera follows the walker."
 EPILOG = """\
   cmpc video RUN.mcap walk.mp4
   cmpc video RUN.mcap push.gif --start 0.2 --end 1.2 --speed 0.25 --size 640 360 --fps 25
@@ -21,12 +23,7 @@ exit code: 0 done, 2 bad input or something is missing
 
 def add_parser(commands: Any, argv: Sequence[str]) -> None:
     """Add the parser of `cmpc video`."""
-    parser = commands.add_parser(
-        "video",
-        usage="cmpc video RUN.mcap OUT.mp4|.gif|.png [options]",
-        description="Draw a run with the plant's own model; the camera follows the walker.",
-        epilog=EPILOG,
-    )
+    parser = commands.add_parser("video", usage=USAGE, description=DESCRIPTION, epilog=EPILOG)
     parser.set_defaults(run=_run)
     parser.add_argument("log", nargs="?", metavar="RUN.mcap", help="the log")
     parser.add_argument("out", nargs="?", metavar="OUT", help="the film (.mp4, .gif) or picture (.png)")

@@ -85,6 +85,7 @@ class Body(ABC):
         Raises:
             UserError: the file is missing or unreadable, or a setting is not legal.
         """
+        self._refuse(settings)
         self.period = control_period
         self.substeps = whole_substeps(settings.timestep, control_period)
         self.sources = (Path(model_path),)
@@ -103,6 +104,19 @@ class Body(ABC):
         self._state, self._seen, self._step = np.zeros(1, STATE), np.zeros(1, OBSERVATION), np.zeros(1, STEP)
         self._applied: tuple[AppliedForce, ...] = ()
         self.load(())
+        self._prepare()
+
+    @abstractmethod
+    def _refuse(self, settings: PlantSettings) -> None:
+        """Raises `UserError` where the settings ask for what this plant has not; before a file is read."""
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """What this plant needs besides, of the compiled model at rest and with no force named.
+
+        Raises:
+            UserError: the model has what this plant has not.
+        """
 
     @property
     def mjcf_text(self) -> str:

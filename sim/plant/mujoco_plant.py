@@ -2,7 +2,6 @@
 
 import logging
 import math
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -28,28 +27,11 @@ def _quiet(text: str) -> None:
 class MujocoPlant(Body):
     """Five-link walker with point feet on compliant frictional ground. Implements `sim.interface.Plant`."""
 
-    def __init__(
-        self,
-        settings: PlantSettings,
-        model_path: Path,
-        control_period: float,
-        *,
-        seed: int = 0,
-        walk_length: float = 20.0,
-    ) -> None:
-        """Read, modify and compile the model.
+    def _refuse(self, settings: PlantSettings) -> None:
+        """Refuse nothing: MuJoCo has all that can be set."""
 
-        Args:
-            settings: Integration, ground and modelling errors.
-            model_path: MJCF file of the walker.
-            control_period: Duration of one hold in [s].
-            seed: The scenario's seed, for rough ground.
-            walk_length: How far rough ground has to reach in [m].
-
-        Raises:
-            UserError: the file is missing or unreadable, or a setting is not legal.
-        """
-        super().__init__(settings, model_path, control_period, seed=seed, walk_length=walk_length)
+    def _prepare(self) -> None:
+        """Resolve where everything stands in MuJoCo's memory."""
         mujoco.set_mju_user_warning(_quiet)
         model, data = self.model, self.data
 

@@ -68,38 +68,21 @@ def refuse_resistance(model: mujoco.MjModel, path: Path) -> None:
 class RigidPlant(Body):
     """Five-link walker pinned at its stance foot. Implements `sim.interface.Plant`.
 
-    The feet are points: the sphere of the MJCF plays no part.
+    The feet are points: the sphere of the MJCF plays no part. Nor do friction and stiffness of the ground, and the
+    integrator is RK4 whatever the settings say.
 
     Attributes:
         impacts: All since the start.
     """
 
-    def __init__(
-        self,
-        settings: PlantSettings,
-        model_path: Path,
-        control_period: float,
-        *,
-        seed: int = 0,
-        walk_length: float = 20.0,
-    ) -> None:
-        """Read, modify and compile the model.
-
-        Args:
-            settings: Time step, ground and modelling errors; the integrator is RK4 whatever they say, and friction
-                and stiffness of the ground play no part.
-            model_path: MJCF file of the walker.
-            control_period: Duration of one hold in [s].
-            seed: The scenario's seed, for rough ground.
-            walk_length: How far rough ground has to reach in [m].
-
-        Raises:
-            UserError: the file is missing or unreadable, or a setting is not legal.
-        """
+    def _refuse(self, settings: PlantSettings) -> None:
+        """Refuse dry friction, before it is put into the model."""
         if settings.joint_friction != JointTorques():
             raise UserError('plant.joint_friction: the rigid plant has none; must be 0, or plant.kind = "mujoco"')
-        super().__init__(settings, model_path, control_period, seed=seed, walk_length=walk_length)
-        refuse_resistance(self.model, Path(model_path))
+
+    def _prepare(self) -> None:
+        """Set up the pinned walker on the compiled model, which must have no resistance in its joints."""
+        refuse_resistance(self.model, self.sources[0])
         self._walker = PinnedWalker(self.model, self.data, self.legs, self._forces)
         work = self._work = self._walker.work
         sizes = [self.model.geom(name).size for name in DETECTED_LINKS]

@@ -33,8 +33,11 @@ def page(logs: list[Log]) -> str:
         logs: One or two, perhaps truncated or damaged; the page says so.
 
     Raises:
-        UserError: a log has nothing to show.
+        UserError: a log is of a format this program does not know, or has nothing to show.
     """
+    for log in logs:
+        if log.unknown_format:
+            raise UserError(f"{log.path} {log.unknown_format}")
     runs = [run_of(log) for log in logs]
     signals = [signals_of(run) for run in runs]
     panels = _panels(runs, signals)
@@ -172,7 +175,7 @@ def write_page(logs: list[Log], target: Path) -> None:
     """Write the page; an existing page of that name is replaced.
 
     Raises:
-        UserError: a log has nothing to show, or the page cannot be written.
+        UserError: a log is of a format this program does not know, has nothing to show, or the page cannot be written.
     """
     text = page(logs)
     if target.is_dir() or target.suffix == ".mcap":

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sim.interface import JOINTS
+from sim.interface import JOINTS, LEGS
 from sim.log.format.fields import OUTPUTS
 
 
@@ -114,27 +114,18 @@ PANELS = (
             Line(key="ratio", label="real", colour="ink"),
         ),
     ),
-    Panel(
-        name="normal",
-        title="Contact force, normal",
-        unit="N",
-        clip=True,
-        lines=(
-            Line(key="expected.normal", label="expected", colour="mpc", horizon="normal"),
-            Line(key="force.left.normal", label="left", colour="left"),
-            Line(key="force.right.normal", label="right", colour="right"),
-        ),
-    ),
-    Panel(
-        name="tangential",
-        title="Contact force, tangential",
-        unit="N",
-        clip=True,
-        lines=(
-            Line(key="expected.tangential", label="expected", colour="mpc", horizon="tangential"),
-            Line(key="force.left.tangential", label="left", colour="left"),
-            Line(key="force.right.tangential", label="right", colour="right"),
-        ),
+    *(
+        Panel(
+            name=part,
+            title=f"Contact force, {part}",
+            unit="N",
+            clip=True,
+            lines=(
+                Line(key=f"expected.{part}", label="expected", colour="mpc", horizon=part),
+                *(Line(key=f"force.{leg}.{part}", label=leg, colour=_LEG_COLOUR[leg]) for leg in LEGS),
+            ),
+        )
+        for part in ("normal", "tangential")
     ),
     Panel(
         name="force-error",
@@ -198,7 +189,7 @@ PANELS = (
         name="clearance",
         title="Foot clearance",
         unit="mm",
-        lines=tuple(Line(key=f"clearance.{leg}", label=leg, colour=_LEG_COLOUR[leg]) for leg in ("left", "right")),
+        lines=tuple(Line(key=f"clearance.{leg}", label=leg, colour=_LEG_COLOUR[leg]) for leg in LEGS),
     ),
     Panel(
         name="push",

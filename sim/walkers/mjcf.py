@@ -188,7 +188,7 @@ def _joint(model: mujoco.MjModel, j: int, motors: dict[int, float], path: Path) 
     name, kind = model.joint(j).name or f"joint {j}", KINDS.get(int(model.jnt_type[j]))
     if kind is None:
         raise UserError(
-            f"{path}: joint {name} is a ball; legal: hinges about one axis, on a base of slides and a hinge"
+            f"{path}: joint {name} is a ball; joints must be hinges about one axis, on a base of slides and a hinge"
         )
     dof, address = int(model.jnt_dofadr[j]), int(model.jnt_qposadr[j])
     low, high = model.jnt_range[j] if model.jnt_limited[j] else (-math.inf, math.inf)

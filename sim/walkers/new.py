@@ -104,7 +104,7 @@ def check_name(folder: Path) -> str:
     """
     name = folder.name
     if not NAME.fullmatch(name):
-        raise UserError(f"walker {name!r}: legal: a folder name of a-z, 0-9, _ and -, beginning with a letter")
+        raise UserError(f"walker {name!r}: must be a folder name of a-z, 0-9, _ and -, beginning with a letter")
     if folder.exists():
         raise UserError(f"{folder}: already exists and is never overwritten; choose another folder")
     return name

@@ -38,16 +38,16 @@ def read(text: str, where: str) -> Tree:
         if isinstance(element.tag, str) and element.tag.startswith("{"):
             element.tag = element.tag.rpartition("}")[2]
     if root.tag != "robot":
-        raise UserError(f"{where}: its root is <{root.tag[:40]}>; legal: the <robot> of a URDF")
+        raise UserError(f"{where}: its root is <{root.tag[:40]}>; must be the <robot> of a URDF")
     rows: list[Row] = []
     links = {}
     for element in root.findall("link"):
         link = _link(element, where)
         if link.name in links:
-            raise UserError(f"{where}: two links named {link.name!r}; legal: one of a name")
+            raise UserError(f"{where}: two links named {link.name!r}; names must differ")
         links[link.name] = link
     if not links:
-        raise UserError(f"{where}: no <link> in it; legal: five links and more")
+        raise UserError(f"{where}: no <link> in it; must have five links or more")
     motors = _motors(root, where, rows)
     for element in root.findall("joint"):
         _join(element, links, motors, root, where, rows)
@@ -68,7 +68,7 @@ def _number(text: str | None, otherwise: float, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise UserError(f"{where} = {text.strip()[:40]!r}; legal: a finite number")
+        raise UserError(f"{where} = {text.strip()[:40]!r}; must be a finite number")
     return value
 
 
@@ -82,7 +82,7 @@ def _vector(element: ET.Element | None, key: str, otherwise: tuple[float, ...], 
         return np.array(otherwise)
     parts = text.split()
     if len(parts) != 3:
-        raise UserError(f"{where} {key} = {text[:40]!r}; legal: three numbers")
+        raise UserError(f"{where} {key} = {text[:40]!r}; must be three numbers")
     return np.array([_number(part, 0.0, f"{where} {key}") for part in parts])
 
 
@@ -114,7 +114,7 @@ def _link(element: ET.Element, where: str) -> Link:
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         turned = frame[:3, :3]
         if mass < 0.0 or yy < 0.0:
-            raise UserError(f"{here}: mass = {mass:g} kg, iyy = {yy:g} kg m^2; legal: not below 0")
+            raise UserError(f"{here}: mass = {mass:g} kg, iyy = {yy:g} kg m^2; must not be below 0")
         if mass or matrix.any():
             link.inertials.append(Inertial(mass=mass, com=frame[:3, 3], inertia=turned @ matrix @ turned.T))
     for kind, rank in (("collision", 1), ("visual", 2)):
@@ -153,7 +153,7 @@ def _motors(root: ET.Element, where: str, rows: list[Row]) -> dict[str, float]:
             for tag, otherwise in (("motorInertia", 0.0), ("mechanicalReduction", 1.0))
         )
         if inertia < 0.0:
-            raise UserError(f"{here} motorInertia = {inertia:g} kg m^2; legal: not below 0")
+            raise UserError(f"{here} motorInertia = {inertia:g} kg m^2; must not be below 0")
         for joint in transmission.findall("joint"):
             name = joint.get("name", "")
             found[name] = found.get(name, 0.0) + inertia * reduction**2
@@ -175,17 +175,17 @@ def _join(
     name = _name(element, "joint", where)
     here, given = f"{where}: joint {name}", element.get("type", "")
     if given not in KINDS:
-        raise UserError(f"{here}: type = {given[:40]!r}; legal: {', '.join(KINDS)}")
+        raise UserError(f"{here}: type = {given[:40]!r}; must be one of {', '.join(KINDS)}")
     ends = []
     for end in ("parent", "child"):
         found = element.find(end)
         link = "" if found is None else found.get("link", "")
         if link not in links:
-            raise UserError(f"{here}: {end} = {link[:40]!r}; legal: the name of a <link>")
+            raise UserError(f"{here}: {end} = {link[:40]!r}; must be the name of a <link>")
         ends.append(link)
     child = links[ends[1]]
     if child.parent is not None:
-        raise UserError(f"{here}: link {child.name} is joined twice; legal: one parent for each link")
+        raise UserError(f"{here}: link {child.name} is joined twice; must have one parent")
     child.parent, child.placement = ends[0], _origin(element, here)
     kind = KINDS[given]
     if kind == "fixed":
@@ -193,7 +193,7 @@ def _join(
     axis = _vector(element.find("axis"), "xyz", (1.0, 0.0, 0.0), here)
     length = float(np.linalg.norm(axis))
     if length == 0.0:
-        raise UserError(f"{here}: axis = 0 0 0; legal: a direction")
+        raise UserError(f"{here}: axis = 0 0 0; must be a direction")
     if abs(length - 1.0) > 1e-6:
         rows.append(Row(part=name, found=f"axis {words(axis)}", made="made of length 1", verdict="made"))
     if element.find("mimic") is not None:
@@ -235,7 +235,7 @@ def _sorted(links: dict[str, Link], where: str) -> list[Link]:
     """Parents before children; a fixed link without mass at a tip may be a foot."""
     roots = [link.name for link in links.values() if link.parent is None]
     if len(roots) != 1:
-        raise UserError(f"{where}: {len(roots)} links without a parent {roots[:4]}; legal: one tree")
+        raise UserError(f"{where}: {len(roots)} links without a parent {roots[:4]}; must be one, the root of a tree")
     children: dict[str, list[str]] = {}
     for link in links.values():
         if link.parent is not None:

@@ -4,21 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce import study
 from sim.reproduce.criteria import GAIT_TOLERANCE
 from sim.reproduce.panels import BLACK, BLUE, GREY, LinePanel, Series
-from sim.reproduce.study import (
-    CONTROLLERS,
-    PLANT_NAMES,
-    PLANTS,
-    UNDISTURBED,
-    Arrays,
-    Effort,
-    Evaluation,
-    Finding,
-    Results,
-    Task,
-    Verdict,
-)
 
 SETTLED = 6  # the figure's step, and the first that counts
 PAPER_LENGTH, PAPER_TIME = 0.4, 0.5  # [m], [s]
@@ -26,50 +14,50 @@ TIMES = (0.0, 0.25, 0.5)  # [s]
 TORSO = 0.63  # [m], as drawn
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """The undisturbed walk of both controllers on both plants."""
     return {
-        f"{plant}/{controller}": Task(
+        f"{plant}/{controller}": study.Task(
             function="sim.reproduce.measure:walk",
-            arguments={"scenario": effort.scenario(plant, controller, UNDISTURBED)},
-            cost=UNDISTURBED["steps"] * (3.0 if controller == "c-mpc" else 1.0),
+            arguments={"scenario": effort.scenario(plant, controller, study.UNDISTURBED)},
+            cost=study.UNDISTURBED["steps"] * (3.0 if controller == "c-mpc" else 1.0),
         )
-        for plant in PLANTS
-        for controller in CONTROLLERS
+        for plant in study.PLANTS
+        for controller in study.CONTROLLERS
     }
 
 
-def steps_of(run: Arrays) -> tuple[np.ndarray, np.ndarray]:
+def steps_of(run: study.Arrays) -> tuple[np.ndarray, np.ndarray]:
     """Durations in [s] and lengths in [m] of a run's steps."""
     landed = run["landed"][run["landed"] < len(run["t"])]  # the touch-down that ends the run has no tick
     feet = run["foot"][landed]
     return np.diff(run["t"][landed], prepend=0.0), np.abs(feet[:, 2] - feet[:, 0])
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """Step length and time, and the postures."""
 
-    def both(controller: str, index: int, paper: float, unit: str) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def both(controller: str, index: int, paper: float, unit: str) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             values = steps_of(results[f"{plant}/{controller}"])[index][SETTLED:]
             if not len(values):
-                return Finding(text="falls", holds=False)
+                return study.Finding(text="falls", holds=False)
             mean = float(values.mean())
-            return Finding(text=f"{mean:.3f} {unit}", holds=abs(mean - paper) <= GAIT_TOLERANCE * paper)
+            return study.Finding(text=f"{mean:.3f} {unit}", holds=abs(mean - paper) <= GAIT_TOLERANCE * paper)
 
         name = ("step time", "step length")[index]
-        return Verdict.of(f"{controller}: {name} within 5 %", f"{paper:g} {unit}", judge)
+        return study.Verdict.of(f"{controller}: {name} within 5 %", f"{paper:g} {unit}", judge)
 
     verdicts = [
         both(controller, index, paper, unit)
-        for controller in CONTROLLERS
+        for controller in study.CONTROLLERS
         for index, paper, unit in ((1, PAPER_LENGTH, "m"), (0, PAPER_TIME, "s"))
     ]
     rows, tables = [], {}
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         run = results[f"{plant}/c-mpc"]
         rows.append(tuple(_posture(run, time, plant) for time in TIMES))
-        for controller in CONTROLLERS:
+        for controller in study.CONTROLLERS:
             durations, lengths = steps_of(results[f"{plant}/{controller}"])
             number = np.arange(1, len(durations) + 1)
             tables[f"steps-{plant}-{controller}"] = {
@@ -77,7 +65,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 "duration [s]": durations,
                 "length [m]": lengths,
             }
-    return Evaluation(
+    return study.Evaluation(
         verdicts=tuple(verdicts),
         panels=tuple(rows),
         tables=tables,
@@ -85,9 +73,9 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     )
 
 
-def _posture(run: Arrays, time: float, plant: str) -> LinePanel:
+def _posture(run: study.Arrays, time: float, plant: str) -> LinePanel:
     """Stick figure a time after the sixth touch-down."""
-    title = f"{PLANT_NAMES[plant]}, {time:.2f} s"
+    title = f"{study.PLANT_NAMES[plant]}, {time:.2f} s"
     axes = {"x_label": "x from the stance foot [m]", "y_label": "z [m]", "equal": True, "y_range": (-0.05, 1.45)}
     if len(run["landed"]) <= SETTLED:
         return LinePanel(title=f"{title}: fell", series=(), **axes)  # type: ignore[arg-type]

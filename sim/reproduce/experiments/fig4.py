@@ -4,21 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce import study
 from sim.reproduce.criteria import near, never_above, walks
 from sim.reproduce.measure import TRIP_DEPTH
 from sim.reproduce.panels import JOINT_STYLES, Level, LinePanel, Series, Span, same_scale, thinned
-from sim.reproduce.study import (
-    JOINT_NAMES,
-    PLANT_NAMES,
-    PLANTS,
-    Arrays,
-    Effort,
-    Evaluation,
-    Finding,
-    Results,
-    Task,
-    Verdict,
-)
 
 FORCE = 40.0  # [N]
 SHOWN = 2  # steps in the figure, and in its peak and RMS
@@ -38,21 +27,21 @@ RUNS = {
 TITLES = {"zd-pd, unsaturated": "ZD+PD, unsaturated", "c-mpc": "C-MPC"}
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """Three runs and the largest survived forces on both plants."""
     found = {}
     push = {"pushes.0.force": FORCE, "pushes.0.step": 1, "steps": _steps(effort)}
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         for name, (controller, saturation) in RUNS.items():
             scenario = effort.scenario(plant, controller, {**push, "plant.saturation": saturation})
-            found[f"{plant}/{name}"] = Task(
+            found[f"{plant}/{name}"] = study.Task(
                 function="sim.reproduce.measure:walk",
                 arguments={"scenario": scenario},
                 cost=_steps(effort) * (3.0 if controller == "c-mpc" else 1.0),
             )
         for controller in ("zd-pd", "c-mpc"):
             for step in _pushed_steps(effort):
-                found[f"{plant}/{controller}/margin/{step}"] = Task(
+                found[f"{plant}/{controller}/margin/{step}"] = study.Task(
                     function="sim.reproduce.measure:largest_survived",
                     arguments={
                         "scenario": effort.scenario(
@@ -69,19 +58,19 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     return found
 
 
-def _steps(effort: Effort) -> int:
+def _steps(effort: study.Effort) -> int:
     return QUICK_STEPS if effort.quick else STEPS
 
 
-def _pushed_steps(effort: Effort) -> tuple[int, ...]:
+def _pushed_steps(effort: study.Effort) -> tuple[int, ...]:
     return (1,) if effort.quick else (1, 2)
 
 
-def _resolution(effort: Effort) -> float:
+def _resolution(effort: study.Effort) -> float:
     return 0.5 * STRIDE if effort.quick else RESOLUTION
 
 
-def _scuffing(found: Arrays) -> str:
+def _scuffing(found: study.Arrays) -> str:
     """From which of the forces tried on a survivor's swing foot was in the ground, and how deep it came."""
     forces, depths = found["tried"][found["survived"]], found["scuff"][found["survived"]]
     inside = depths > 0.0
@@ -90,11 +79,11 @@ def _scuffing(found: Arrays) -> str:
     return f", the swing foot in the ground from {forces[inside].min():g} N on, up to {1e3 * depths.max():.1f} mm"
 
 
-def _walks_on(run: Arrays) -> bool:
+def _walks_on(run: study.Arrays) -> bool:
     return walks(int(run["outcome"]))
 
 
-def _first_steps(run: Arrays, name: str) -> np.ndarray:
+def _first_steps(run: study.Arrays, name: str) -> np.ndarray:
     """A quantity over the first two steps, or up to the fall."""
     landed = run["landed"]
     end = int(landed[SHOWN - 1]) if len(landed) >= SHOWN else len(run["t"])
@@ -102,76 +91,78 @@ def _first_steps(run: Arrays, name: str) -> np.ndarray:
     return found
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """Torques within limits, larger without MPC, and forces survived."""
 
-    def within(plant: str) -> Finding:
+    def within(plant: str) -> study.Finding:
         run = results[f"{plant}/c-mpc"]
         peak = np.abs(run["u"]).max(axis=0)
         fate = "walks on" if _walks_on(run) else f"falls in step {int(run['steps']) + 1}"
         text = f"hips {peak[:2].max():.1f}, knees {peak[2:].max():.1f} N.m; {fate}"
-        return Finding(text=text, holds=never_above(float((peak / run["torque_limit"]).max()), 1.0) and _walks_on(run))
+        return study.Finding(
+            text=text, holds=never_above(float((peak / run["torque_limit"]).max()), 1.0) and _walks_on(run)
+        )
 
-    def larger(statistic: str) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def larger(statistic: str) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             values = []
             for name in ("zd-pd, unsaturated", "c-mpc"):
                 u = _first_steps(results[f"{plant}/{name}"], "torque")
                 values.append(float(np.abs(u).max() if statistic == "peak" else np.sqrt((u**2).mean())))
-            return Finding(text=f"{values[0]:.1f} against {values[1]:.1f} N.m", holds=values[0] > values[1])
+            return study.Finding(text=f"{values[0]:.1f} against {values[1]:.1f} N.m", holds=values[0] > values[1])
 
-        return Verdict.of(f"unsaturated ZD+PD's {statistic} torque is larger, first two steps", "larger", judge)
+        return study.Verdict.of(f"unsaturated ZD+PD's {statistic} torque is larger, first two steps", "larger", judge)
 
-    def falls(plant: str) -> Finding:
+    def falls(plant: str) -> study.Finding:
         run = results[f"{plant}/zd-pd, saturated"]
         text = "walks on" if _walks_on(run) else f"falls in step {int(run['steps']) + 1}"
-        return Finding(text=text, holds=not _walks_on(run))
+        return study.Finding(text=text, holds=not _walks_on(run))
 
     def margin(step: int, controller: str, plant: str) -> float:
         return float(results[f"{plant}/{controller}/margin/{step}"]["value"])
 
-    def survived(step: int) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def survived(step: int) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             force = margin(step, "zd-pd", plant)
             text = f"{force:g} N{_scuffing(results[f'{plant}/zd-pd/margin/{step}'])}"
-            return Finding(text=text, holds=near(force, PAPER_LIMIT))
+            return study.Finding(text=text, holds=near(force, PAPER_LIMIT))
 
         claim = f"largest force ZD+PD survives in step {step}, within 10 % of the paper's"
-        return Verdict.of(claim, f"{PAPER_LIMIT:g} N", judge)
+        return study.Verdict.of(claim, f"{PAPER_LIMIT:g} N", judge)
 
-    def tripping(step: int) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def tripping(step: int) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             force = float(results[f"{plant}/zd-pd/margin/{step}"]["tripping"])
-            return Finding(text=f"{force:g} N", holds=near(force, PAPER_LIMIT))
+            return study.Finding(text=f"{force:g} N", holds=near(force, PAPER_LIMIT))
 
         claim = f"the same where a swing foot {1e3 * TRIP_DEPTH:g} mm in the ground is a fall"
-        return Verdict.of(claim, f"{PAPER_LIMIT:g} N", judge)
+        return study.Verdict.of(claim, f"{PAPER_LIMIT:g} N", judge)
 
-    def further(step: int) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def further(step: int) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             zd, mpc = margin(step, "zd-pd", plant), margin(step, "c-mpc", plant)
-            return Finding(text=f"{mpc:g} against {zd:g} N", holds=mpc > zd)
+            return study.Finding(text=f"{mpc:g} against {zd:g} N", holds=mpc > zd)
 
-        return Verdict.of(f"C-MPC survives larger forces in step {step}", "40 N and more against 25 N", judge)
+        return study.Verdict.of(f"C-MPC survives larger forces in step {step}", "40 N and more against 25 N", judge)
 
     verdicts = (
-        Verdict.of(f"C-MPC under {FORCE:g} N: within 75 and 50 N.m, and walks on", "yes", within),
+        study.Verdict.of(f"C-MPC under {FORCE:g} N: within 75 and 50 N.m, and walks on", "yes", within),
         larger("peak"),
         larger("RMS"),
-        Verdict.of(f"saturated ZD+PD falls under {FORCE:g} N", "falls", falls),
+        study.Verdict.of(f"saturated ZD+PD falls under {FORCE:g} N", "falls", falls),
         *(verdict(step) for step in _pushed_steps(effort) for verdict in (survived, tripping)),
         *(further(step) for step in _pushed_steps(effort)),
     )
     panels, tables = [], {}
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         row = []
         for name in ("zd-pd, unsaturated", "c-mpc"):
             run = results[f"{plant}/{name}"]
-            row.append(torque_panel(run, f"{PLANT_NAMES[plant]}: {TITLES[name]}", SHOWN, "torque"))
+            row.append(torque_panel(run, f"{study.PLANT_NAMES[plant]}: {TITLES[name]}", SHOWN, "torque"))
             u = _first_steps(run, "torque")
             tables[f"torque-{plant}-{name.replace(', ', '-')}"] = {
                 "t [s]": run["t"][: len(u)],
-                **{f"{joint} [N.m]": u[:, i] for i, joint in enumerate(JOINT_NAMES)},
+                **{f"{joint} [N.m]": u[:, i] for i, joint in enumerate(study.JOINT_NAMES)},
             }
         panels.append(same_scale(row))
         for controller in ("zd-pd", "c-mpc"):
@@ -182,7 +173,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                     "survived": tried["survived"].astype(int),
                     "swing foot below ground [m]": tried["scuff"],
                 }
-    return Evaluation(
+    return study.Evaluation(
         verdicts=verdicts,
         panels=tuple(panels),
         tables=tables,
@@ -197,13 +188,13 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
     )
 
 
-def torque_panel(run: Arrays, title: str, steps: int, name: str) -> LinePanel:
+def torque_panel(run: study.Arrays, title: str, steps: int, name: str) -> LinePanel:
     """Joint torques over the first steps, with the limits."""
     landed = run["landed"]
     end = int(landed[steps - 1]) if len(landed) >= steps else len(run["t"])
     first = float(run["t"][min(int(landed[0]), len(run["t"]) - 1)]) if len(landed) else float(run["t"][-1])
     lines = []
-    for i, joint in enumerate(JOINT_NAMES):
+    for i, joint in enumerate(study.JOINT_NAMES):
         x, y = thinned(run["t"][:end], run[name][:end, i])
         colour, dash = JOINT_STYLES[i]
         lines.append(Series(name=joint, x=x, y=y, colour=colour, dash=dash))

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce import study
 from sim.reproduce.criteria import ROUNDING, above, never_above
 from sim.reproduce.experiments.fig5 import between
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series, Span, thinned
-from sim.reproduce.study import PLANT_NAMES, PLANTS, Arrays, Effort, Evaluation, Finding, Results, Task, Verdict
 
 FORCE, PUSHED, STEPS = 50.0, 2, 6  # [N]
 MU = 0.6
@@ -17,17 +17,17 @@ SOFTENED = 1e-2  # [N] softening from which the friction rows could not be kept
 SETTLING = 20  # ticks after an impact whose forces are those of the impact (MuJoCo spreads it over them)
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """C-MPC with and without friction rows for several coefficients, on both plants."""
     found = {}
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         for mu in (MU,) if effort.quick else SENSITIVITY:
             found[f"{plant}/with/{mu:g}"] = _task(effort, plant, True, mu)
         found[f"{plant}/without"] = _task(effort, plant, False, MU)
     return found
 
 
-def _task(effort: Effort, plant: str, rows: bool, mu: float) -> Task:
+def _task(effort: study.Effort, plant: str, rows: bool, mu: float) -> study.Task:
     changes = {
         "pushes.0.force": FORCE,
         "pushes.0.step": PUSHED,
@@ -36,14 +36,14 @@ def _task(effort: Effort, plant: str, rows: bool, mu: float) -> Task:
         "controller.friction": mu,
         "plant.ground.friction": FLOOR,
     }
-    return Task(
+    return study.Task(
         function="sim.reproduce.measure:walk",
         arguments={"scenario": effort.scenario(plant, "c-mpc", changes)},
         cost=3.0 * STEPS,
     )
 
 
-def ratio(run: Arrays, name: str = "force") -> np.ndarray:
+def ratio(run: study.Arrays, name: str = "force") -> np.ndarray:
     """|F_T / F_N| of the stance foot, NaN just after impacts and where nothing presses, (n,).
 
     Args:
@@ -59,42 +59,43 @@ def ratio(run: Arrays, name: str = "force") -> np.ndarray:
     return found
 
 
-def _worst(run: Arrays, name: str = "force") -> float:
+def _worst(run: study.Arrays, name: str = "force") -> float:
     values = ratio(run, name)[between(run, 1, STEPS)]
     return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
 
 
-def _softened(run: Arrays, plant: str) -> str:
+def _softened(run: study.Arrays, plant: str) -> str:
     """Whether the rows could be kept in those ticks in which the ratio is above mu."""
     values, slack = ratio(run)[between(run, 1, STEPS)], run["slack"][between(run, 1, STEPS)]
     over = np.nan_to_num(values) > MU * (1.0 + ROUNDING)
     if not over.any():
-        return f"{PLANT_NAMES[plant]}: no tick above mu."
+        return f"{study.PLANT_NAMES[plant]}: no tick above mu."
     kept = over & (slack < SOFTENED)
     return (
-        f"{PLANT_NAMES[plant]}: {int(over.sum())} ticks above mu, the rows softened in {int((over & ~kept).sum())} of "
-        f"them; the largest ratio in the others is {float(values[kept].max()) if kept.any() else MU:.3f}."
+        f"{study.PLANT_NAMES[plant]}: {int(over.sum())} ticks above mu, "
+        f"the rows softened in {int((over & ~kept).sum())} of them; "
+        f"the largest ratio in the others is {float(values[kept].max()) if kept.any() else MU:.3f}."
     )
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """Largest ratios."""
 
-    def with_rows(plant: str) -> Finding:
+    def with_rows(plant: str) -> study.Finding:
         worst = _worst(results[f"{plant}/with/{MU:g}"])
-        return Finding(text=f"{worst:.4f}", holds=never_above(worst, MU))
+        return study.Finding(text=f"{worst:.4f}", holds=never_above(worst, MU))
 
-    def at_the_tick(plant: str) -> Finding:
+    def at_the_tick(plant: str) -> study.Finding:
         worst = _worst(results[f"{plant}/with/{MU:g}"], "force_now")
-        return Finding(text=f"{worst:.4f}", holds=never_above(worst, MU))
+        return study.Finding(text=f"{worst:.4f}", holds=never_above(worst, MU))
 
-    def without_rows(plant: str) -> Finding:
+    def without_rows(plant: str) -> study.Finding:
         worst = _worst(results[f"{plant}/without"])
-        return Finding(text=f"{worst:.3f}", holds=above(worst, MU))
+        return study.Finding(text=f"{worst:.3f}", holds=above(worst, MU))
 
     panels, tables = [], {}
     sensitivity, softened = [], []
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         row = []
         for name, title, colour in (
             ("without", "without friction rows", ORANGE),
@@ -106,7 +107,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
             pushed = run["t"][between(run, PUSHED, PUSHED)]
             row.append(
                 LinePanel(
-                    title=f"{PLANT_NAMES[plant]}: C-MPC {title}",
+                    title=f"{study.PLANT_NAMES[plant]}: C-MPC {title}",
                     x_label="time [s]",
                     y_label="|F_T / F_N|",
                     series=(Series(name="", x=x, y=y, colour=colour),),
@@ -138,16 +139,18 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 f"{w:.3f} at {mu:g}" + ("" if s >= STEPS else f" (falls in step {s + 1})")
                 for mu, w, s in zip(SENSITIVITY, worst, steps, strict=True)
             )
-            sensitivity.append(f"Sensitivity, {PLANT_NAMES[plant]}: largest ratio {listed}.")
-    return Evaluation(
+            sensitivity.append(f"Sensitivity, {study.PLANT_NAMES[plant]}: largest ratio {listed}.")
+    return study.Evaluation(
         verdicts=(
-            Verdict.of(
+            study.Verdict.of(
                 "with the friction rows the ratio is never above mu at the tick, where they act",
                 f"at most mu = {MU:g}",
                 at_the_tick,
             ),
-            Verdict.of("nor is the ratio of the means over the hold that follows", f"at most mu = {MU:g}", with_rows),
-            Verdict.of("without them it is above mu", f"above mu = {MU:g}", without_rows),
+            study.Verdict.of(
+                "nor is the ratio of the means over the hold that follows", f"at most mu = {MU:g}", with_rows
+            ),
+            study.Verdict.of("without them it is above mu", f"above mu = {MU:g}", without_rows),
         ),
         panels=tuple(panels),
         tables=tables,

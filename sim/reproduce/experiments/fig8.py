@@ -4,26 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce import study
 from sim.reproduce.basin import EPSILON, STEPS, Fate, Grid
 from sim.reproduce.measure import TRIP_DEPTH
 from sim.reproduce.panels import BLUE, ORANGE, MapPanel, Region
-from sim.reproduce.study import (
-    CONTROLLERS,
-    PLANT_NAMES,
-    PLANTS,
-    Effort,
-    Evaluation,
-    Finding,
-    Results,
-    Task,
-    Verdict,
-)
 
 BOTH_GAITS = False  # for its cost: the paper's gait alone
 
 FORCES = (-40.0, 80.0)  # [N]
 READINGS = {
-    "torso": ("torso tilted about the hip", (-0.8, 0.8), PLANTS, (25, 31), (7, 5)),
+    "torso": ("torso tilted about the hip", (-0.8, 0.8), study.PLANTS, (25, 31), (7, 5)),
     "q5": ("q5 alone: the whole walker tilted about its foot", (-0.2, 0.2), ("rigid",), (13, 13), (5, 5)),
 }
 """Two readings of "we disturb q5", as `sim.reproduce.basin` calls them: words, offsets in [rad], plants that can do
@@ -31,16 +21,16 @@ it, and numbers of offsets and forces, in full and coarse."""
 
 CLASSES = ("neither", "ZD+PD only", "both", "C-MPC only")
 COLOURS = ("#f4f4f2", "#d9731a", "#8fb8de", "#1f5fa8")
-IMPOSSIBLE = Finding(text="cannot be: the swing foot would start in the ground", holds=None)
+IMPOSSIBLE = study.Finding(text="cannot be: the swing foot would start in the ground", holds=None)
 
 
-def _grid(reading: str, effort: Effort) -> Grid:
+def _grid(reading: str, effort: study.Effort) -> Grid:
     _, span, _, full, coarse = READINGS[reading]
     offsets, forces = coarse if effort.quick else full
     return Grid.of((*span, offsets), (*FORCES, forces))
 
 
-def _maps(effort: Effort) -> dict[str, tuple[str, str, Grid]]:
+def _maps(effort: study.Effort) -> dict[str, tuple[str, str, Grid]]:
     """Name of a map -> plant, reading, grid."""
     return {
         f"{plant}-{reading}": (plant, reading, _grid(reading, effort))
@@ -49,10 +39,10 @@ def _maps(effort: Effort) -> dict[str, tuple[str, str, Grid]]:
     }
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """A column of a map a task."""
     return {
-        f"{name}/{controller}/{i}": Task(
+        f"{name}/{controller}/{i}": study.Task(
             function="sim.reproduce.basin:column",
             arguments={
                 "scenario": effort.scenario(plant, controller),
@@ -65,28 +55,28 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
             cost=len(grid.force) * (12.0 if controller == "c-mpc" else 3.0),
         )
         for name, (plant, axis, grid) in _maps(effort).items()
-        for controller in CONTROLLERS
+        for controller in study.CONTROLLERS
         for i, torso in enumerate(grid.torso)
     }
 
 
-def stacked(results: Results, name: str, controller: str, what: str, grid: Grid) -> np.ndarray:
+def stacked(results: study.Results, name: str, controller: str, what: str, grid: Grid) -> np.ndarray:
     """Columns of a map side by side, (forces, offsets)."""
     prefix = f"{name}/" if name else ""
     return np.array([results[f"{prefix}{controller}/{i}"][what] for i in range(len(grid.torso))]).T
 
 
-def converged(results: Results, name: str, controller: str, grid: Grid) -> np.ndarray:
+def converged(results: study.Results, name: str, controller: str, grid: Grid) -> np.ndarray:
     """Which points come back, (forces, offsets)."""
     found: np.ndarray = stacked(results, name, controller, "fate", grid) == Fate.CONVERGED
     return found
 
 
-def table(results: Results, name: str, grid: Grid) -> dict[str, np.ndarray]:
+def table(results: study.Results, name: str, grid: Grid) -> dict[str, np.ndarray]:
     """Fate, steps and depth of the swing foot in the ground of both controllers at every point."""
     offsets, forces = np.meshgrid(grid.torso, grid.force)
     columns = {"torso offset [rad]": offsets.ravel(), "force [N]": forces.ravel()}
-    for controller in CONTROLLERS:
+    for controller in study.CONTROLLERS:
         for what in ("fate", "steps", "scuff"):
             columns[f"{controller} {what}"] = stacked(results, name, controller, what, grid).ravel()
     return columns
@@ -107,37 +97,37 @@ def panel(zd: np.ndarray, mpc: np.ndarray, grid: Grid, *, title: str) -> MapPane
     )
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """Areas and boundaries."""
     maps = _maps(effort)
     inside = {
         (name, controller): converged(results, name, controller, grid)
         for name, (_, _, grid) in maps.items()
-        for controller in CONTROLLERS
+        for controller in study.CONTROLLERS
     }
 
     def areas(name: str) -> tuple[float, float]:
         cell = maps[name][2].cell
-        zd, mpc = (float(inside[name, controller].sum()) * cell for controller in CONTROLLERS)
+        zd, mpc = (float(inside[name, controller].sum()) * cell for controller in study.CONTROLLERS)
         return zd, mpc
 
-    def larger(reading: str) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def larger(reading: str) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             name = f"{plant}-{reading}"
             if name not in maps:
                 return IMPOSSIBLE
             zd, mpc = areas(name)
             ratio = f": {mpc / zd:.2f} times" if zd else ""
-            return Finding(text=f"{mpc:.2f} against {zd:.2f} rad N{ratio}", holds=mpc > zd)
+            return study.Finding(text=f"{mpc:.2f} against {zd:.2f} rad N{ratio}", holds=mpc > zd)
 
-        return Verdict.of(f"{READINGS[reading][0]}: C-MPC's basin is larger (area)", "considerably larger", judge)
+        return study.Verdict.of(f"{READINGS[reading][0]}: C-MPC's basin is larger (area)", "considerably larger", judge)
 
-    def upward(reading: str) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def upward(reading: str) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             name = f"{plant}-{reading}"
             if name not in maps:
                 return IMPOSSIBLE
-            zd, mpc = (_top(inside[name, controller], maps[name][2]) for controller in CONTROLLERS)
+            zd, mpc = (_top(inside[name, controller], maps[name][2]) for controller in study.CONTROLLERS)
             above, below = int((mpc > zd).sum()), int((mpc < zd).sum())
             both = np.isfinite(zd) & np.isfinite(mpc)
             lift = mpc[both] - zd[both]
@@ -147,52 +137,52 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 if len(lift)
                 else ""
             )
-            return Finding(text=text, holds=above > 0 and below == 0)
+            return study.Finding(text=text, holds=above > 0 and below == 0)
 
         claim = f"{READINGS[reading][0]}: its upper boundary is nowhere below ZD+PD's, and above it somewhere"
-        return Verdict.of(claim, "extended from the top", judge)
+        return study.Verdict.of(claim, "extended from the top", judge)
 
-    def kept(plant: str) -> Finding:
-        zd, mpc = (inside[f"{plant}-torso", controller] for controller in CONTROLLERS)
+    def kept(plant: str) -> study.Finding:
+        zd, mpc = (inside[f"{plant}-torso", controller] for controller in study.CONTROLLERS)
         share = float((zd & mpc).sum() / zd.sum()) if zd.any() else float("nan")
-        return Finding(text=f"{100 * share:.1f} %", holds=None)
+        return study.Finding(text=f"{100 * share:.1f} %", holds=None)
 
-    def tripping(plant: str) -> Finding:
+    def tripping(plant: str) -> study.Finding:
         """Both basins where a swing foot in the ground is a fall."""
         name = f"{plant}-torso"
         grid = maps[name][2]
         kept = {
             controller: inside[name, controller] & (stacked(results, name, controller, "scuff", grid) <= TRIP_DEPTH)
-            for controller in CONTROLLERS
+            for controller in study.CONTROLLERS
         }
-        zd, mpc = (float(kept[controller].sum()) * grid.cell for controller in CONTROLLERS)
+        zd, mpc = (float(kept[controller].sum()) * grid.cell for controller in study.CONTROLLERS)
         ratio = f": {mpc / zd:.2f} times" if zd else ""
-        lost = [int((inside[name, controller] & ~kept[controller]).sum()) for controller in CONTROLLERS]
+        lost = [int((inside[name, controller] & ~kept[controller]).sum()) for controller in study.CONTROLLERS]
         text = f"{mpc:.2f} against {zd:.2f} rad N{ratio}; ZD+PD loses {lost[0]}, C-MPC {lost[1]} points"
-        return Finding(text=text, holds=mpc > zd)
+        return study.Finding(text=text, holds=mpc > zd)
 
     panels, tables, notes = [], {}, []
     for name, (plant, reading, grid) in maps.items():
-        zd, mpc = (inside[name, controller] for controller in CONTROLLERS)
-        panels.append(panel(zd, mpc, grid, title=f"{PLANT_NAMES[plant]}: {READINGS[reading][0]}"))
+        zd, mpc = (inside[name, controller] for controller in study.CONTROLLERS)
+        panels.append(panel(zd, mpc, grid, title=f"{study.PLANT_NAMES[plant]}: {READINGS[reading][0]}"))
         tables[f"basin-{name}"] = table(results, name, grid)
         undecided = sum(
             int((stacked(results, name, controller, "fate", grid) == Fate.UNDECIDED).sum())
-            for controller in CONTROLLERS
+            for controller in study.CONTROLLERS
         )
         if undecided:
             notes.append(f"{name}: {undecided} points undecided after {STEPS} steps, counted as outside.")
     sizes = [" x ".join(str(n) for n in READINGS[r][4 if effort.quick else 3]) for r in READINGS]
-    return Evaluation(
+    return study.Evaluation(
         verdicts=(
             *(larger(reading) for reading in READINGS),
-            Verdict.of(
+            study.Verdict.of(
                 f"the same, torso tilted, where a swing foot {1e3 * TRIP_DEPTH:g} mm in the ground is a fall",
                 "considerably larger",
                 tripping,
             ),
             *(upward(reading) for reading in READINGS),
-            Verdict.of("torso tilted about the hip: points of ZD+PD's basin that C-MPC keeps", "not said", kept),
+            study.Verdict.of("torso tilted about the hip: points of ZD+PD's basin that C-MPC keeps", "not said", kept),
         ),
         panels=(tuple(panels),),
         tables=tables,

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sim.reproduce import study
 from sim.reproduce.criteria import TENTH, no_larger, no_worse, walks
 from sim.reproduce.experiments.fig5 import FORCE, PUSHED_STEP, between, rms
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series
-from sim.reproduce.study import PLANT_NAMES, PLANTS, Effort, Evaluation, Finding, Results, Task, Verdict
 
 BOTH_GAITS = False  # for its cost: the paper's gait alone
 
@@ -19,24 +19,24 @@ STEPS = 5
 STRIDE, RESOLUTION, LARGEST = 16.0, 2.0, 200.0  # [N]
 
 
-def _horizons(effort: Effort) -> tuple[int, ...]:
+def _horizons(effort: study.Effort) -> tuple[int, ...]:
     return QUICK if effort.quick else HORIZONS
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """The walk of Fig. 5 and the largest force survived in step 1, for each horizon on both plants."""
     found = {}
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         for N in _horizons(effort):
             base = {"controller.horizon": N, "steps": 4 if effort.quick else STEPS}
             push = {"pushes.0.force": FORCE, "pushes.0.step": PUSHED_STEP}
             each = STEPS * (1.0 + 0.02 * N)
-            found[f"{plant}/{N}/walk"] = Task(
+            found[f"{plant}/{N}/walk"] = study.Task(
                 function="sim.reproduce.measure:walk",
                 arguments={"scenario": effort.scenario(plant, "c-mpc", {**base, **push})},
                 cost=each,
             )
-            found[f"{plant}/{N}/margin"] = Task(
+            found[f"{plant}/{N}/margin"] = study.Task(
                 function="sim.reproduce.measure:largest_survived",
                 arguments={
                     "scenario": effort.scenario(plant, "c-mpc", {**base, "pushes.0.force": 0.0, "pushes.0.step": 1}),
@@ -51,7 +51,7 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
     return found
 
 
-def _step_by_step(results: Results, plant: str, longest: int) -> str:
+def _step_by_step(results: study.Results, plant: str, longest: int) -> str:
     """Where the chosen horizon loses against the longest."""
     errors = [
         [
@@ -61,10 +61,10 @@ def _step_by_step(results: Results, plant: str, longest: int) -> str:
         for step in range(PUSHED_STEP, STEPS)
     ]
     words = ", ".join(f"{a:.4f} for {b:.4f} in step {PUSHED_STEP + i}" for i, (a, b) in enumerate(errors))
-    return f"{PLANT_NAMES[plant]}, RMS of y [rad] at N = {CHOSEN} for that at {longest}: {words}."
+    return f"{study.PLANT_NAMES[plant]}, RMS of y [rad] at N = {CHOSEN} for that at {longest}: {words}."
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """Force, error and tick time against the horizon."""
     horizons = np.array(_horizons(effort))
 
@@ -82,29 +82,29 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
 
     at = int(np.flatnonzero(horizons == CHOSEN)[0])
 
-    def force(plant: str) -> Finding:
+    def force(plant: str) -> study.Finding:
         chosen, longest = forces(plant)[[at, -1]]
         text = f"{chosen:g} N at N = {CHOSEN}, {longest:g} N at N = {horizons[-1]}"
-        return Finding(text=text, holds=no_worse(chosen, longest))
+        return study.Finding(text=text, holds=no_worse(chosen, longest))
 
-    def error(plant: str) -> Finding:
+    def error(plant: str) -> study.Finding:
         chosen, longest = errors(plant)[[at, -1]]
         text = f"{chosen:.4f} rad at N = {CHOSEN}, {longest:.4f} rad at N = {horizons[-1]}"
-        return Finding(text=text, holds=no_larger(chosen, longest))
+        return study.Finding(text=text, holds=no_larger(chosen, longest))
 
-    def longer(plant: str) -> Finding:
+    def longer(plant: str) -> study.Finding:
         """What a horizon of `OFFERED` ticks does."""
         if OFFERED not in horizons:
-            return Finding(text="not tried", holds=None)
+            return study.Finding(text="not tried", holds=None)
         chosen, longest = errors(plant)[[int(np.flatnonzero(horizons == OFFERED)[0]), -1]]
         text = f"{chosen:.4f} rad at N = {OFFERED}, {longest:.4f} rad at N = {horizons[-1]}"
-        return Finding(text=text, holds=no_larger(chosen, longest))
+        return study.Finding(text=text, holds=no_larger(chosen, longest))
 
     styles = {"rigid": (BLUE, "solid"), "mujoco": (ORANGE, "dashed")}
 
     def panel(title: str, label: str, values: dict[str, np.ndarray], levels: tuple[Level, ...] = ()) -> LinePanel:
         lines = tuple(
-            Series(name=PLANT_NAMES[p], x=horizons, y=v, colour=styles[p][0], dash=styles[p][1], marker=True)
+            Series(name=study.PLANT_NAMES[p], x=horizons, y=v, colour=styles[p][0], dash=styles[p][1], marker=True)
             for p, v in values.items()
         )
         axes = {"x_label": "horizon N [ticks]", "y_label": label, "log_x": True}
@@ -116,21 +116,21 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
             "survived force [N]": forces(plant),
             "RMS deviation [rad]": errors(plant),
         }
-        for plant in PLANTS
-    } | {f"timing-{plant}": {"N [ticks]": horizons, "median tick [ms]": ticks(plant)} for plant in PLANTS}
-    return Evaluation(
+        for plant in study.PLANTS
+    } | {f"timing-{plant}": {"N [ticks]": horizons, "median tick [ms]": ticks(plant)} for plant in study.PLANTS}
+    return study.Evaluation(
         verdicts=(
-            Verdict.of(
+            study.Verdict.of(
                 f"survived force at N = {CHOSEN} at most {TENTH:.0%} below the longest horizon's",
                 "no drastic change",
                 force,
             ),
-            Verdict.of(
+            study.Verdict.of(
                 f"RMS deviation at N = {CHOSEN} at most {TENTH:.0%} above the longest horizon's",
                 "no drastic change",
                 error,
             ),
-            Verdict.of(
+            study.Verdict.of(
                 f"RMS deviation at N = {OFFERED} at most {TENTH:.0%} above the longest horizon's",
                 "no drastic change",
                 longer,
@@ -138,14 +138,14 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
         ),
         panels=(
             (
-                panel("Largest force survived in step 1", "force [N]", {p: forces(p) for p in PLANTS}),
-                panel("RMS deviation, 25 N in step 2", "RMS of y [rad]", {p: errors(p) for p in PLANTS}),
-                panel("Tick time", "median [ms]", {p: ticks(p) for p in PLANTS}, (Level(y=1.0, name="1 kHz"),)),
+                panel("Largest force survived in step 1", "force [N]", {p: forces(p) for p in study.PLANTS}),
+                panel("RMS deviation, 25 N in step 2", "RMS of y [rad]", {p: errors(p) for p in study.PLANTS}),
+                panel("Tick time", "median [ms]", {p: ticks(p) for p in study.PLANTS}, (Level(y=1.0, name="1 kHz"),)),
             ),
         ),
         tables=tables,
         notes=(
-            *(_step_by_step(results, plant, int(horizons[-1])) for plant in PLANTS),
+            *(_step_by_step(results, plant, int(horizons[-1])) for plant in study.PLANTS),
             f"N = {OFFERED} is one setting: --controller.horizon {OFFERED}.",
             "A horizon whose walk falls has no RMS. Tick times are of this machine, and alone not reproducible bit "
             "for bit.",

@@ -5,19 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.special import stdtrit
 
+from sim.reproduce import study
 from sim.reproduce.panels import CONTROLLER_STYLES, LinePanel, Series
-from sim.reproduce.study import (
-    CONTROLLER_NAMES,
-    CONTROLLERS,
-    PLANT_NAMES,
-    PLANTS,
-    Effort,
-    Evaluation,
-    Finding,
-    Results,
-    Task,
-    Verdict,
-)
 from sim.trials.report.stats import wilson
 
 BOTH_GAITS = False  # for its cost: the paper's gait alone
@@ -40,10 +29,10 @@ def ladder(kind: str) -> np.ndarray:
     return np.array([float(f"{KINDS[kind][1] * RATIO**rung:.3g}") for rung in range(RUNGS)])
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """One search for each plant, controller and kind."""
     return {
-        f"{plant}/{controller}/{kind}": Task(
+        f"{plant}/{controller}/{kind}": study.Task(
             function="sim.reproduce.measure:largest_noise",
             arguments={
                 "scenario": effort.scenario(plant, controller, {"steps": QUICK_STEPS if effort.quick else STEPS}),
@@ -53,11 +42,11 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
             },
             cost=STEPS * (QUICK_SEEDS if effort.quick else SEEDS) * (6.0 if controller == "c-mpc" else 2.0),
         )
-        for plant in PLANTS
-        for controller in CONTROLLERS
+        for plant in study.PLANTS
+        for controller in study.CONTROLLERS
         for kind, (paths, _, _) in KINDS.items()
     } | {
-        f"{plant}/{controller}/{kind}/tracking": Task(
+        f"{plant}/{controller}/{kind}/tracking": study.Task(
             function="sim.reproduce.measure:tracking",
             arguments={
                 "scenario": effort.scenario(plant, controller, {"steps": QUICK_STEPS if effort.quick else STEPS}),
@@ -67,8 +56,8 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
             },
             cost=STEPS * (QUICK_SEEDS if effort.quick else SEEDS) * (3.0 if controller == "c-mpc" else 1.0),
         )
-        for plant in PLANTS
-        for controller in CONTROLLERS
+        for plant in study.PLANTS
+        for controller in study.CONTROLLERS
         for kind, (paths, _, _) in KINDS.items()
     }
 
@@ -80,35 +69,35 @@ def mean_and_half(values: np.ndarray) -> tuple[float, float]:
     return float(values.mean()), half
 
 
-def _scuffing(results: Results, plant: str, kind: str) -> str:
+def _scuffing(results: study.Results, plant: str, kind: str) -> str:
     """How deep the survivors' swing feet were in the ground."""
     depths = [1e3 * float(results[f"{plant}/{controller}/{kind}"]["scuff"]) for controller in ("c-mpc", "zd-pd")]
     return f" (swing foot {depths[0]:.1f}/{depths[1]:.1f} mm in the ground)" if max(depths) > 0.0 else ""
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """Standard deviations survived."""
     seeds, steps = (QUICK_SEEDS, QUICK_STEPS) if effort.quick else (SEEDS, STEPS)
 
     def survived(plant: str, controller: str, kind: str) -> float:
         return float(results[f"{plant}/{controller}/{kind}"]["value"])
 
-    def more(kind: str) -> Verdict:
+    def more(kind: str) -> study.Verdict:
         unit = KINDS[kind][2]
 
-        def judge(plant: str) -> Finding:
+        def judge(plant: str) -> study.Finding:
             mpc, zd = (survived(plant, controller, kind) for controller in ("c-mpc", "zd-pd"))
             end = float(ladder(kind)[-1])
             shown = [f"{value:.3g}" + (" or more" if value == end else "") for value in (mpc, zd)]
             text = f"{shown[0]} against {shown[1]} {unit}{_scuffing(results, plant, kind)}"
-            return Finding(text=text, holds=None if zd == end else mpc > zd)
+            return study.Finding(text=text, holds=None if zd == end else mpc > zd)
 
-        return Verdict.of(f"C-MPC survives more {kind} noise than ZD+PD (standard deviation)", "more", judge)
+        return study.Verdict.of(f"C-MPC survives more {kind} noise than ZD+PD (standard deviation)", "more", judge)
 
-    def tracks(kind: str) -> Verdict:
+    def tracks(kind: str) -> study.Verdict:
         level = f"{SAME[kind]:g} {KINDS[kind][2]}"
 
-        def judge(plant: str) -> Finding:
+        def judge(plant: str) -> study.Finding:
             mpc, zd = (
                 mean_and_half(results[f"{plant}/{controller}/{kind}/tracking"]["rms"])
                 for controller in ("c-mpc", "zd-pd")
@@ -117,23 +106,25 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 f"{mean:.4f} +- {half:.4f}" if np.isfinite(mean) else "a fall" for mean, half in (mpc, zd)
             )
             clear = mpc[0] + mpc[1] < zd[0] - zd[1]  # the intervals do not overlap
-            return Finding(text=f"{text} rad", holds=bool(clear) if np.isfinite(zd[0]) else np.isfinite(mpc[0]) or None)
+            return study.Finding(
+                text=f"{text} rad", holds=bool(clear) if np.isfinite(zd[0]) else np.isfinite(mpc[0]) or None
+            )
 
         claim = f"C-MPC tracks better than ZD+PD under {kind} noise of {level} (RMS of y, 95 % intervals apart)"
-        return Verdict.of(claim, "more", judge)
+        return study.Verdict.of(claim, "more", judge)
 
     panels, tables = [], {}
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         row = []
         for kind, (_, _, unit) in KINDS.items():
             lines = []
-            for controller in CONTROLLERS:
+            for controller in study.CONTROLLERS:
                 found = results[f"{plant}/{controller}/{kind}"]
                 order = np.argsort(found["tried"], kind="stable")
                 colour, dash = CONTROLLER_STYLES[controller]
                 lines.append(
                     Series(
-                        name=CONTROLLER_NAMES[controller],
+                        name=study.CONTROLLER_NAMES[controller],
                         x=found["tried"][order],
                         y=100.0 * found["survived"][order] / seeds,
                         colour=colour,
@@ -147,7 +138,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 }
             row.append(
                 LinePanel(
-                    title=f"{PLANT_NAMES[plant]}: {kind} noise",
+                    title=f"{study.PLANT_NAMES[plant]}: {kind} noise",
                     x_label=f"standard deviation [{unit}]",
                     y_label="seeds survived [%]",
                     series=tuple(lines),
@@ -156,7 +147,7 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 )
             )
         panels.append(tuple(row))
-    return Evaluation(
+    return study.Evaluation(
         verdicts=(*(more(kind) for kind in KINDS), *(tracks(kind) for kind in KINDS)),
         panels=tuple(panels),
         tables=tables,

@@ -5,20 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from sim.reproduce import study
 from sim.reproduce.panels import BLACK, BLUE, GREY, ORANGE, LinePanel, Series
-from sim.reproduce.study import (
-    CONTROLLER_NAMES,
-    CONTROLLERS,
-    PLANT_NAMES,
-    PLANTS,
-    Arrays,
-    Effort,
-    Evaluation,
-    Finding,
-    Results,
-    Task,
-    Verdict,
-)
 
 BOTH_GAITS = False  # for its cost: the paper's gait alone
 
@@ -39,11 +27,11 @@ COLOURS = (BLACK, ORANGE, BLUE, GREY, BLUE)
 DASHES = ("solid", "solid", "solid", "dashed", "dotted")
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """Three forces for each reading, plant and controller."""
     steps = QUICK_STEPS if effort.quick else STEPS
     return {
-        f"{plant}/{controller}/{reading}": Task(
+        f"{plant}/{controller}/{reading}": study.Task(
             function="sim.reproduce.measure:pushed",
             arguments={
                 "scenario": effort.scenario(plant, controller, {**changes, "steps": steps}),
@@ -52,13 +40,13 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
             },
             cost=len(FORCES) * steps * (3.0 if controller == "c-mpc" else 1.0),
         )
-        for plant in PLANTS
-        for controller in CONTROLLERS
+        for plant in study.PLANTS
+        for controller in study.CONTROLLERS
         for reading, changes in READINGS.items()
     }
 
 
-def _words(found: Arrays) -> str:
+def _words(found: study.Arrays) -> str:
     return ", ".join(
         f"{force:g} {'walks' if walked else f'falls in step {steps + 1}'}"
         + (f" ({1e3 * depth:.1f} mm in the ground)" if depth > 0.0 else "")
@@ -66,7 +54,7 @@ def _words(found: Arrays) -> str:
     )
 
 
-def _panel(results: Results, plant: str, controller: str) -> LinePanel:
+def _panel(results: study.Results, plant: str, controller: str) -> LinePanel:
     """Steps completed against the force, a line a reading."""
     lines = [
         Series(
@@ -80,27 +68,27 @@ def _panel(results: Results, plant: str, controller: str) -> LinePanel:
         for i, reading in enumerate(READINGS)
     ]
     return LinePanel(
-        title=f"{PLANT_NAMES[plant]}: {CONTROLLER_NAMES[controller]}",
+        title=f"{study.PLANT_NAMES[plant]}: {study.CONTROLLER_NAMES[controller]}",
         x_label="force [N]",
         y_label="steps completed",
         series=tuple(lines),
     )
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """The paper's sentence under each reading."""
 
-    def sentence(reading: str) -> Verdict:
-        def judge(plant: str) -> Finding:
-            zd, mpc = (results[f"{plant}/{controller}/{reading}"] for controller in CONTROLLERS)
+    def sentence(reading: str) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
+            zd, mpc = (results[f"{plant}/{controller}/{reading}"] for controller in study.CONTROLLERS)
             text = "; ".join(
-                f"{CONTROLLER_NAMES[controller]} {_words(found)}"
-                for controller, found in zip(CONTROLLERS, (zd, mpc), strict=True)
+                f"{study.CONTROLLER_NAMES[controller]} {_words(found)}"
+                for controller, found in zip(study.CONTROLLERS, (zd, mpc), strict=True)
             )
-            return Finding(text=text, holds=bool(zd["walked"][0] and not zd["walked"][-1] and mpc["walked"][-1]))
+            return study.Finding(text=text, holds=bool(zd["walked"][0] and not zd["walked"][-1] and mpc["walked"][-1]))
 
         claim = f"{reading}: ZD+PD walks at {FORCES[0]:g} N and falls at {FORCES[-1]:g}, where C-MPC walks"
-        return Verdict.of(claim, "yes", judge)
+        return study.Verdict.of(claim, "yes", judge)
 
     tables = {
         f"{plant}-{controller}": {
@@ -111,12 +99,14 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 for what, key in (("walks", "walked"), ("steps", "steps"), ("swing foot below ground [m]", "scuff"))
             },
         }
-        for plant in PLANTS
-        for controller in CONTROLLERS
+        for plant in study.PLANTS
+        for controller in study.CONTROLLERS
     }
-    return Evaluation(
+    return study.Evaluation(
         verdicts=tuple(sentence(reading) for reading in READINGS),
-        panels=tuple(tuple(_panel(results, plant, controller) for controller in CONTROLLERS) for plant in PLANTS),
+        panels=tuple(
+            tuple(_panel(results, plant, controller) for controller in study.CONTROLLERS) for plant in study.PLANTS
+        ),
         tables=tables,
         notes=(
             "The paper says neither where on the torso the force attacks nor how long a step lasts that it shortens; "

@@ -5,21 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from sim.reproduce import study
 from sim.reproduce.criteria import DOUBLED_TOLERANCE, NOMINAL_TOLERANCE, measured
 from sim.reproduce.panels import CONTROLLER_STYLES, Level, LinePanel, Series
-from sim.reproduce.study import (
-    CONTROLLER_NAMES,
-    CONTROLLERS,
-    PLANT_NAMES,
-    PLANTS,
-    Arrays,
-    Effort,
-    Evaluation,
-    Finding,
-    Results,
-    Task,
-    Verdict,
-)
 
 SIZES = (3e-2, 2e-2, 1e-2, 5e-3, 1e-3)  # [rad]
 QUICK_SIZES = (2e-2,)
@@ -40,11 +28,11 @@ def _cases() -> list[tuple[str, str]]:
     return [("zd-pd", case) for case in CASES] + [("c-mpc", case) for case in CASES if "unsaturated" not in case]
 
 
-def tasks(effort: Effort) -> Mapping[str, Task]:
+def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
     """One analysis a case."""
     sizes, repeats = (list(QUICK_SIZES), QUICK_REPEATS) if effort.quick else (list(SIZES), REPEATS)
     return {
-        f"{plant}/{controller}/{case}": Task(
+        f"{plant}/{controller}/{case}": study.Task(
             function="sim.reproduce.measure:stability",
             arguments={
                 "scenario": effort.scenario(plant, controller, CASES[case]),
@@ -53,17 +41,17 @@ def tasks(effort: Effort) -> Mapping[str, Task]:
             },
             cost=(60.0 + 18.0 * (len(sizes) + repeats)) * (4.0 if controller == "c-mpc" else 1.0),
         )
-        for plant in PLANTS
+        for plant in study.PLANTS
         for controller, case in _cases()
     }
 
 
-def _study(found: Arrays) -> str:
+def _study(found: study.Arrays) -> str:
     rows = zip(found["study_h"], found["study_largest"], found["study_jumps"], strict=True)
     return "; ".join(f"{h:g} rad {'falls' if np.isnan(v) else f'{v:.3f}'} ({jumps:.1g})" for h, v, jumps in rows)
 
 
-def _words(found: Arrays) -> str:
+def _words(found: study.Arrays) -> str:
     step = int(found["fell_in_step"])
     fall = f"falls in step {step}" if step else ""
     if "largest" not in found:
@@ -72,16 +60,16 @@ def _words(found: Arrays) -> str:
     return f"{value}; {fall}" if fall else value
 
 
-def evaluate(results: Results, effort: Effort) -> Evaluation:
+def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     """Eigenvalues against the table."""
 
-    def value(controller: str, case: str, paper: float, tolerance: float) -> Verdict:
-        name = CONTROLLER_NAMES[controller]
+    def value(controller: str, case: str, paper: float, tolerance: float) -> study.Verdict:
+        name = study.CONTROLLER_NAMES[controller]
 
-        def judge(plant: str) -> Finding:
+        def judge(plant: str) -> study.Finding:
             found = results[f"{plant}/{controller}/{case}"]
             if "largest" not in found:
-                return Finding(text=_words(found), holds=False)
+                return study.Finding(text=_words(found), holds=False)
             largest, noise = float(found["largest"]), float(found["noise"])
             stable = int(found["fell_in_step"]) == 0 and largest < 1.0
             # Contact is another system: there the paper's verdict counts, not its digits.
@@ -89,36 +77,36 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 holds = stable and abs(largest - paper) <= tolerance and measured(noise, tolerance)
             else:
                 holds = stable and measured(noise, 1.0 - largest)
-            return Finding(text=_words(found), holds=holds)
+            return study.Finding(text=_words(found), holds=holds)
 
         claim = f"{name}, {case}: stable; on the rigid plant within {tolerance:g} of the paper's"
-        return Verdict.of(claim, f"{paper:g}", judge)
+        return study.Verdict.of(claim, f"{paper:g}", judge)
 
-    def unstable(case: str) -> Verdict:
-        def judge(plant: str) -> Finding:
+    def unstable(case: str) -> study.Verdict:
+        def judge(plant: str) -> study.Finding:
             found = results[f"{plant}/zd-pd/{case}"]
             falls = int(found["fell_in_step"]) > 0
-            return Finding(text=_words(found), holds=falls)
+            return study.Finding(text=_words(found), holds=falls)
 
-        return Verdict.of(f"ZD+PD, {case}: falls", "falls after one step", judge)
+        return study.Verdict.of(f"ZD+PD, {case}: falls", "falls after one step", judge)
 
     repeats = QUICK_REPEATS if effort.quick else REPEATS
     panels, tables, notes = [], {}, []
-    for plant in PLANTS:
+    for plant in study.PLANTS:
         row = []
         for case in ("nominal", "torso x2"):
             lines = []
-            for controller in CONTROLLERS:
+            for controller in study.CONTROLLERS:
                 found = results[f"{plant}/{controller}/{case}"]
                 if "largest" in found:
                     colour, dash = CONTROLLER_STYLES[controller]
                     h, largest = found["study_h"], found["study_largest"]
-                    name = CONTROLLER_NAMES[controller]
+                    name = study.CONTROLLER_NAMES[controller]
                     lines.append(Series(name=name, x=h, y=largest, colour=colour, dash=dash, marker=True))
             paper = NOMINAL if case == "nominal" else DOUBLED
             row.append(
                 LinePanel(
-                    title=f"{PLANT_NAMES[plant]}: {case}",
+                    title=f"{study.PLANT_NAMES[plant]}: {case}",
                     x_label="perturbation [rad]",
                     y_label="largest |eigenvalue|",
                     series=tuple(lines),
@@ -143,14 +131,14 @@ def evaluate(results: Results, effort: Effort) -> Evaluation:
                 "magnitude": found["eigenvalues"],
             }
             notes.append(
-                f"{PLANT_NAMES[plant]}, {CONTROLLER_NAMES[controller]}, {case}: "
+                f"{study.PLANT_NAMES[plant]}, {study.CONTROLLER_NAMES[controller]}, {case}: "
                 f"{float(found['largest']):.4f} at {float(found['h']):g} rad, noise floor "
                 f"{float(found['noise']):.1g} (standard deviation over {repeats + 1} sets of directions); residual of "
                 f"the fixed point {float(found['residual']):.1e}, scatter of the walk on the map "
                 f"{float(found['scatter']):.1e}, roughness of the map {float(found['roughness']):.1e} rad. "
                 f"Perturbation, eigenvalue and jumps over perturbation: {_study(found)}."
             )
-    return Evaluation(
+    return study.Evaluation(
         verdicts=(
             value("zd-pd", "nominal", NOMINAL, NOMINAL_TOLERANCE),
             value("c-mpc", "nominal", NOMINAL, NOMINAL_TOLERANCE),
