@@ -14,20 +14,19 @@ ROOT = Path(__file__).resolve().parent.parent
 PROBE = """
 import hashlib
 from sim.bridge.run import run_scenario
+from sim.loop.tape import EachTick
 from sim.scenario import load, with_values
 
-class Ticks:
+class Hash(EachTick):
     def __init__(self):
         self.hash = hashlib.sha256()
     def tick(self, k, state, observation, step, tick_s):
         for part in (state.q, state.dq, state.torque, state.contact_force, step.u_total, step.contact_force):
             self.hash.update(part.tobytes())
-    def event(self, *_):
-        pass
 
 for plant in ("mujoco", "rigid"):
     for kind in ("zd-pd", "c-mpc"):  # the others fit or factor by LAPACK when they are built
-        ticks = Ticks()
+        ticks = Hash()
         changes = {"controller.kind": kind, "plant.kind": plant, "time_limit": 0.45}
         run_scenario(with_values(load("push-40N-first"), changes), tape=ticks)
         print(plant, kind, ticks.hash.hexdigest())

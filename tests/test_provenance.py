@@ -74,6 +74,8 @@ def test_every_engine_model_and_solver_the_program_requires_is_recorded():
     required = {line.split(">")[0].split("<")[0].split("=")[0].strip() for line in project["dependencies"]}
     without_influence = {
         "rich",
+        "jinja2",
+        "matplotlib",
         "foxglove-schemas-protobuf",
         "zstandard",
         "lz4",

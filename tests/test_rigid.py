@@ -309,6 +309,7 @@ def test_zd_pd_walks_through_the_ground_from_22_newtons_on(force: float, depth: 
     from sim.scenario import Scenario, with_values
 
     changes = {"plant.kind": "rigid", "plant.timestep": 1e-3, "controller.kind": "zd-pd", "steps": 4}
+    changes |= {"controller.impact_time": 0.0}  # the paper's literal law
     pushed = with_values(Scenario(), {**changes, "pushes.0.force": force, "pushes.0.step": 1})
     found = run_scenario(pushed)
     assert found.outcome == "completed"

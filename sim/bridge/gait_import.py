@@ -46,7 +46,9 @@ def import_gait(
         except ValueError as error:
             raise UserError(f"{where}: neither CSV, TOML nor JSON by its name and content ({error})") from error
         if not isinstance(data, dict):
-            raise UserError(f"{where}: a {type(data).__name__}; legal: a table with outputs, alpha, clock, clock_range")
+            raise UserError(
+                f"{where}: a {type(data).__name__}; must be a table with outputs, alpha, clock, clock_range"
+            )
         columns = imported.sample_bezier(data, where)
     step = imported.step_of(columns, _maps(folder), stance, degrees=degrees, where=where)
     remark = f"Made by: cmpc gait import {file.name} --walker {folder.name} --degree {degree}"
