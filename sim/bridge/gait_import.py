@@ -37,7 +37,7 @@ def import_gait(
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{where}: can not be read ({str(error).splitlines()[0]})") from error
+        raise UserError(f"{where}: cannot be read ({str(error).splitlines()[0]})") from error
     if file.suffix == ".csv":
         columns = imported.read_csv(text, where)
     else:
