@@ -7,28 +7,16 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from controller.belief import Gait as Gait
-    from controller.belief import StanceEstimator as StanceEstimator
-    from controller.belief import WalkerModel as WalkerModel
-    from controller.facade import outputs as outputs
-    from controller.records import JOINTS as JOINTS
-    from controller.records import ControlStep as ControlStep
-    from controller.records import Leg as Leg
-    from controller.records import Observation as Observation
-    from controller.records import Status as Status
-    from controller.units import AT_LEAST_ONE as AT_LEAST_ONE
-    from controller.units import FRACTION as FRACTION
-    from controller.units import NOT_NEGATIVE as NOT_NEGATIVE
-    from controller.units import POSITIVE as POSITIVE
-    from controller.units import Doc as Doc
-    from controller.units import Range as Range
-    from controller.units import Unit as Unit
+    from controller.belief import Gait, StanceEstimator, WalkerModel
+    from controller.common.records import JOINTS, ControlStep, Leg, Observation, Status
+    from controller.common.units import AT_LEAST_ONE, FRACTION, NOT_NEGATIVE, POSITIVE, Doc, Range, Unit
+    from controller.facade import outputs
 
 _HOMES = {
     "belief": ("Gait", "StanceEstimator", "WalkerModel"),
     "facade": ("outputs",),
-    "records": ("JOINTS", "ControlStep", "Leg", "Observation", "Status"),
-    "units": ("AT_LEAST_ONE", "FRACTION", "NOT_NEGATIVE", "POSITIVE", "Doc", "Range", "Unit"),
+    "common.records": ("JOINTS", "ControlStep", "Leg", "Observation", "Status"),
+    "common.units": ("AT_LEAST_ONE", "FRACTION", "NOT_NEGATIVE", "POSITIVE", "Doc", "Range", "Unit"),
 }
 """Module -> what it gives."""
 

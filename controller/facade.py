@@ -3,7 +3,7 @@
 import numpy as np
 
 from controller.belief import Gait, WalkerModel
-from controller.records import Vector
+from controller.common.records import Vector
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics
 
 

@@ -13,10 +13,18 @@ import numpy as np
 from controller.belief import Gait, StanceEstimator, WalkerModel, kernels
 from controller.belief.closed_loop import outputs
 from controller.belief.stance import calm, take
-from controller.compiled import compiled
-from controller.errors import ControllerFailed, UserError
-from controller.outside import Outside, place
-from controller.records import JOINTS, OBSERVATION, STEP, ControlStep, Observation, Rows, observation_of
+from controller.common.compiled import compiled
+from controller.common.errors import ControllerFailed, UserError
+from controller.common.outside import Outside, place
+from controller.common.records import (
+    JOINTS,
+    OBSERVATION,
+    STEP,
+    ControlStep,
+    Observation,
+    Rows,
+    observation_of,
+)
 
 _SHAPES = {
     "u_total": (4,),

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller import outside
 from controller.belief import Friction, Gains, Gait, Law, StanceEstimator, WalkerModel, load_gait
 from controller.belief.friction import PENALTY, ROWS
 from controller.cmpc import CascadedMpc, ZeroDynamicsController
 from controller.cmpc.cascade import Weights
+from controller.common import outside
+from controller.common.records import Controller
+from controller.common.settings import BUILT_IN, ControllerSettings
 from controller.guard import Guarded
 from controller.qp import Solver, make_solver
-from controller.records import Controller
-from controller.settings import BUILT_IN, ControllerSettings
 
 if TYPE_CHECKING:
     from controller.fitting.family import GaitFamily

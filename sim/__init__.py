@@ -17,29 +17,22 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
-    from controller.errors import UserError as UserError
-    from controller.records import Controller as Controller
-    from controller.records import ControlStep as ControlStep
-    from controller.records import Observation as Observation
-    from sim.api import run as run
-    from sim.api import run_trials as run_trials
-    from sim.api import write_review as write_review
+    from controller.common.errors import UserError
+    from controller.common.records import Controller, ControlStep, Observation
+    from sim.api import run, run_trials, write_review
     from sim.log.read.frames import Run as Log
     from sim.log.read.frames import load as read
     from sim.loop import RunSummary as Summary
-    from sim.scenario import Scenario as Scenario
-    from sim.scenario import load as load
-    from sim.scenario import with_value as with_value
-    from sim.scenario import with_values as with_values
+    from sim.scenario import Scenario, load, with_value, with_values
 
 _HOMES = {
-    "Controller": ("controller.records", "Controller"),
-    "ControlStep": ("controller.records", "ControlStep"),
+    "Controller": ("controller.common.records", "Controller"),
+    "ControlStep": ("controller.common.records", "ControlStep"),
     "Log": ("sim.log.read.frames", "Run"),
-    "Observation": ("controller.records", "Observation"),
+    "Observation": ("controller.common.records", "Observation"),
     "Scenario": ("sim.scenario", "Scenario"),
     "Summary": ("sim.loop", "RunSummary"),
-    "UserError": ("controller.errors", "UserError"),
+    "UserError": ("controller.common.errors", "UserError"),
     "load": ("sim.scenario", "load"),
     "read": ("sim.log.read.frames", "load"),
     "run": ("sim.api", "run"),

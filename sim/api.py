@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from controller import outside
+from controller.common import outside
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
 from sim.log.read import salvage

@@ -1,6 +1,6 @@
 """Errors of a run; those of a user's input are common ground."""
 
-from controller.errors import ControllerFailed, UserError
+from controller.common.errors import ControllerFailed, UserError
 
 __all__ = ["ControllerFailed", "PlantDiverged", "UserError"]
 

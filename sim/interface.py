@@ -1,7 +1,7 @@
 """The truth's side of the seam: what a plant is and what it tells.
 
 What passes between the two worlds (`Observation`, `ControlStep`, `Controller`) is common ground, handed on from
-`controller.records`.
+`controller.common.records`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.records import (
+from controller.common.records import (
     COORDINATES,
     FLAG,
     JOINTS,

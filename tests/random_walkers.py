@@ -10,9 +10,9 @@ import numpy as np
 from conftest import RABBIT
 
 from controller.belief import WalkerModel
+from controller.common.errors import UserError
 from controller.design.optimise import design
 from controller.design.requirements import Requirements
-from controller.errors import UserError
 
 SPREAD = 0.3
 

@@ -10,9 +10,9 @@ from controller.belief import Friction
 from controller.belief.friction import ROWS
 from controller.cmpc import CascadedMpc, predict
 from controller.cmpc.cascade import Weights, build_problem
+from controller.common.records import Leg, StanceState
 from controller.qp import make_solver
 from controller.qp.problem import failed
-from controller.records import Leg, StanceState
 from sim.interface import Observation
 from sim.scenario import ControllerSettings
 

@@ -326,7 +326,7 @@ def test_start_up_loads_no_engine_and_module_is_the_same_program():
         "import sys, runpy; sys.argv = ['cmpc', 'run', '--help']\n"
         "try: runpy.run_module('sim', run_name='__main__')\n"
         "except SystemExit as end: assert end.code == 0\n"
-        "heavy = {'mujoco', 'numba', 'numpy', 'pinocchio', 'qpsolvers', 'mcap', 'controller.records', 'rich'}\n"
+        "heavy = {'mujoco', 'numba', 'numpy', 'pinocchio', 'qpsolvers', 'mcap', 'controller.common.records', 'rich'}\n"
         "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

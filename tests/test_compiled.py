@@ -8,11 +8,11 @@ import sys
 import pytest
 from conftest import ROOT
 
-from controller.compiled import CACHE_VARIABLE, digest
+from controller.common.compiled import CACHE_VARIABLE, digest
 
-CALLEE = "from controller.compiled import compiled\n\n@compiled\ndef half(x):\n    return {}\n"
+CALLEE = "from controller.common.compiled import compiled\n\n@compiled\ndef half(x):\n    return {}\n"
 CALLER = (
-    "from controller.compiled import compiled\nfrom controller.callee import half\n\n"
+    "from controller.common.compiled import compiled\nfrom controller.callee import half\n\n"
     "@compiled\ndef quarter(x):\n    return half(half(x))\n"
 )
 ASK = "from controller.caller import quarter; print(quarter(8.0), *quarter.stats.cache_hits.values())"
@@ -22,9 +22,10 @@ ASK = "from controller.caller import quarter; print(quarter(8.0), *quarter.stats
 def house(tmp_path):
     """A folder with a package `controller` in which one kernel calls another's file."""
     package = tmp_path / "house" / "controller"
-    package.mkdir(parents=True)
-    shutil.copy(ROOT / "controller" / "compiled.py", package)
-    (package / "__init__.py").touch()
+    (package / "common").mkdir(parents=True)
+    shutil.copy(ROOT / "controller" / "common" / "compiled.py", package / "common")
+    for folder in (package, package / "common"):
+        (folder / "__init__.py").touch()
     (package / "callee.py").write_text(CALLEE.format("0.5 * x"))
     (package / "caller.py").write_text(CALLER)
     return package.parent
@@ -57,7 +58,9 @@ def test_a_digest_covers_all_that_a_module_calls(house):
 
 
 def in_a_fresh_interpreter(house, path):
-    code = f"from pathlib import Path; from controller.compiled import digest; print(digest(Path({str(path)!r})))"
+    code = (
+        f"from pathlib import Path; from controller.common.compiled import digest; print(digest(Path({str(path)!r})))"
+    )
     done = subprocess.run([sys.executable, "-c", code], cwd=house, capture_output=True, text=True, check=True)
     return done.stdout
 
@@ -69,8 +72,9 @@ def test_no_two_modules_of_kernels_share_a_digest():
 
 
 def test_without_a_writable_place_kernels_live_for_one_run_and_that_is_said_once(house, tmp_path):
-    (house / "controller" / "__pycache__").mkdir(exist_ok=True)
-    (house / "controller" / "__pycache__" / "kernels").touch()  # a file where the folder should be
+    cache = house / "controller" / "common" / "__pycache__"
+    cache.mkdir(exist_ok=True)
+    (cache / "kernels").touch()  # a file where the folder should be
     (tmp_path / "home").touch()
     answer, said = ask(house, HOME=str(tmp_path / "home"), XDG_CACHE_HOME="", TMPDIR=str(tmp_path))
     assert answer == ["2.0"]
@@ -93,7 +97,7 @@ def test_the_users_own_place_is_taken(house, tmp_path):
 def test_a_kernel_for_any_record_is_kept_by_all_sources_of_the_controller(house):
     """What lies on disk for it names classes of records, which another version may not have."""
     kernel, other = house / "controller" / "callee.py", house / "controller" / "caller.py"
-    code = f"from pathlib import Path; from controller.compiled import digest as d; p = Path({str(kernel)!r})"
+    code = f"from pathlib import Path; from controller.common.compiled import digest as d; p = Path({str(kernel)!r})"
 
     def digests():
         ask = f"{code}; print(d(p), d(p, whole=True))"

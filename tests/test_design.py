@@ -8,6 +8,7 @@ from conftest import RABBIT
 from random_walkers import random_model
 
 from controller.belief import Gains, Loop, WalkerModel, load_gait
+from controller.common.errors import UserError
 from controller.design import gait_file, orbit_kernels
 from controller.design.check import check, invariance_error, requirements_of
 from controller.design.compare import compare
@@ -20,7 +21,6 @@ from controller.design.poincare import return_map, step
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.design.transverse import transverse_eigenvalues
-from controller.errors import UserError
 from controller.fitting.library import GaitLibrary, file_name
 
 PAPER_EIGENVALUE = 0.75

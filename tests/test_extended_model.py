@@ -12,11 +12,11 @@ from conftest import RABBIT
 from controller.belief import Loop, WalkerModel, kernels
 from controller.belief.closed_loop import zero_dynamics
 from controller.belief.lumped import Joints, lump
+from controller.common.errors import UserError
+from controller.common.settings import Known
 from controller.design import orbit_kernels
 from controller.design.orbit import periodic_orbit
 from controller.design.requirements import Requirements, margins
-from controller.errors import UserError
-from controller.settings import Known
 
 MOTOR = (
     "<transmission name='{0}'><joint name='{0}'/><actuator name='{0}'>"

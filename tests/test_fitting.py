@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.common.errors import UserError
+from controller.common.records import Leg, StanceState
+from controller.common.settings import FittingSettings
 from controller.design.orbit import periodic_orbit
-from controller.errors import UserError
 from controller.fitting.controller import GaitFitting
 from controller.fitting.family import GaitFamily
 from controller.fitting.library import GaitLibrary
-from controller.records import Leg, StanceState
-from controller.settings import FittingSettings
 from sim.bridge import run as compose
 from sim.log.read import read_log
 from sim.loop import EachTick

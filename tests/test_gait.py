@@ -10,7 +10,7 @@ from conftest import RABBIT
 from controller.belief import kernels, load_gait
 from controller.belief.closed_loop import outputs
 from controller.belief.polynomial import power_basis
-from controller.errors import UserError
+from controller.common.errors import UserError
 
 PAPER = (RABBIT / "gaits" / "paper.toml").read_text()
 

@@ -10,7 +10,7 @@ import numpy as np
 from conftest import ROOT
 from numba import njit
 
-from controller.held import Held, held
+from controller.common.held import Held, held
 
 
 def outer(x):
@@ -54,7 +54,7 @@ import sys, types, typing
 import numpy as np
 sys.path[:0] = [{root!r}, {here!r}]
 import strangers
-from controller.held import Held
+from controller.common.held import Held
 Held(strangers.Record(np.zeros(3)))
 """
 
@@ -66,7 +66,7 @@ def test_what_a_stranger_kept_on_disk_is_no_obstacle(tmp_path):
     kept = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     code = OTHER.format(root=str(ROOT), here=str(tmp_path))
     subprocess.run([sys.executable, "-c", code], check=True, env=kept)
-    ours = "from typing import NamedTuple; from controller.held import Held; Held((1.0, True))"
+    ours = "from typing import NamedTuple; from controller.common.held import Held; Held((1.0, True))"
     done = subprocess.run([sys.executable, "-c", ours], check=True, env=kept, cwd=ROOT, capture_output=True, text=True)
     assert done.stderr == ""
     subprocess.run([sys.executable, "-c", code], check=True, env=kept)

@@ -5,6 +5,7 @@ import pytest
 
 from controller.belief import Friction
 from controller.belief.ground import LEVEL
+from controller.common.settings import LtvSettings
 from controller.ltv.cost import ROWS, new_problem, objective, off_the_orbit
 from controller.ltv.cost import model as quadratic
 from controller.ltv.horizon import Outlook, look_ahead, new_horizon
@@ -12,7 +13,6 @@ from controller.ltv.orbit import find_orbit
 from controller.ltv.problem import N_Z, new_state, residuals
 from controller.ltv.sweep import solve
 from controller.qp.bounds import AT_LOWER, AT_UPPER, FREE
-from controller.settings import LtvSettings
 
 N = 8
 

@@ -5,9 +5,9 @@ import pytest
 import qpsolvers
 from scipy.linalg import expm, solve_discrete_are
 
+from controller.common.settings import OutputMpcSettings
 from controller.rivals.output_dynamics import output_dynamics
 from controller.rivals.output_mpc import DoubleIntegrator, OutputMpc
-from controller.settings import OutputMpcSettings
 
 OUTPUT, OUTPUT_RATE, T, PERIOD = 8100.0, 220.0, 5e-3, 1e-3
 LIMIT, WIDE = np.array([40.0, 40.0, 15.0, 15.0]), np.full(4, 1e6)  # [N.m]

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from controller import guard, outside
-from controller.records import observation_of, write_step
+from controller import guard
+from controller.common import outside
+from controller.common.records import observation_of, write_step
 from sim import cli
 from sim.bridge.controllers import build_controller, load_belief
 from sim.bridge.run import run_scenario
@@ -32,7 +33,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from controller.belief import StanceEstimator
-from controller.units import POSITIVE, Unit
+from controller.common.units import POSITIVE, Unit
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import pytest
 
 from controller.cmpc import predict
 from controller.cmpc.zero_dynamics import zero_dynamics_pd
-from controller.records import Leg, StanceState
+from controller.common.records import Leg, StanceState
 
 N, T = 100, 1e-3
 Q, DQ = slice(0, 5), slice(5, 10)

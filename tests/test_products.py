@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller.products import applied, inner, product
+from controller.common.products import applied, inner, product
 
 ROOT = Path(__file__).resolve().parent.parent
 PROBE = """

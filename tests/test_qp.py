@@ -7,10 +7,10 @@ import pytest
 from controller.belief import Friction
 from controller.cmpc import predict
 from controller.cmpc.cascade import Weights, build_problem
-from controller.errors import UserError
+from controller.common.errors import UserError
+from controller.common.records import Leg, StanceState
 from controller.qp import StageQP, make_solver
 from controller.qp.problem import failed
-from controller.records import Leg, StanceState
 from sim.scenario import ControllerSettings
 
 N, T = 20, 1e-3

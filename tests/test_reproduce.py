@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controller.cmpc import CascadedMpc
-from controller.records import observation_of, write_step
+from controller.common.records import observation_of, write_step
 from sim import cli
 from sim.errors import UserError
 from sim.reproduce import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controller.cmpc.zero_dynamics import zero_dynamics_pd
-from controller.records import Leg
+from controller.common.records import Leg
 from controller.rivals import dense_qp
 from sim.bridge import run as compose
 from sim.interface import Observation

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.belief import StanceEstimator
-from controller.records import Leg, swap_legs
+from controller.common.records import Leg, swap_legs
 from sim.interface import Observation
 
 AHEAD, BEHIND = True, False

@@ -10,10 +10,10 @@ from controller.belief import Friction
 from controller.belief.friction import ROWS
 from controller.cmpc import CascadedMpc, predict
 from controller.cmpc.cascade import Weights, build_problem
+from controller.common.records import Leg, StanceState
 from controller.qp import make_solver
 from controller.qp import riccati_solver as structured
 from controller.qp.problem import failed
-from controller.records import Leg, StanceState
 from sim.interface import Observation
 
 N, T = 30, 1e-3

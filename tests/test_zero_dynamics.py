@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from controller.cmpc import ZeroDynamicsController
 from controller.cmpc.zero_dynamics import zero_dynamics_pd
-from controller.records import Leg
+from controller.common.records import Leg
 from sim.interface import Observation
 
 

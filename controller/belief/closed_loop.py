@@ -17,7 +17,7 @@ from controller.belief.kernels import (
     to_links,
 )
 from controller.belief.polynomial import horner
-from controller.compiled import Array, compiled, inlined
+from controller.common.compiled import Array, compiled, inlined
 
 
 class GaitTable(NamedTuple):

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.compiled import Array, inlined
-from controller.records import Vector
+from controller.common.compiled import Array, inlined
+from controller.common.records import Vector
 
 ROWS = 3  # both sides of the friction cone, normal force
 PENALTY = 1e5  # [1/N^2] of a softened contact-force row

@@ -12,9 +12,9 @@ from controller.belief.closed_loop import GaitTable
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.model import WalkerModel
 from controller.belief.polynomial import power_basis
-from controller.errors import UserError
-from controller.products import inner
-from controller.records import ACTUATED, Vector, swap_legs
+from controller.common.errors import UserError
+from controller.common.products import inner
+from controller.common.records import ACTUATED, Vector, swap_legs
 
 LARGEST = 1e6
 """Of any number in a gait file: beyond it arithmetic on it means nothing."""

@@ -9,7 +9,7 @@ just above it, for a law whose horizon is of no use without the impact.
 from typing import NamedTuple
 
 from controller.belief.kernels import N_Q, Stage, Walker, swing_foot
-from controller.compiled import inlined
+from controller.common.compiled import inlined
 
 BELOW = 2e-3  # [m] the ground lies under a foot that should have landed and has not
 

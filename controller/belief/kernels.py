@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.belief.linalg import cholesky5, cholesky5_solve
-from controller.compiled import Array, compiled, inlined
+from controller.common.compiled import Array, compiled, inlined
 
 N_Q = 5  # coordinates: stance hip, swing hip, stance knee, swing knee, torso
 N_U = 4  # actuated joints

@@ -6,7 +6,7 @@ from controller.belief.closed_loop import Gains, Loop
 from controller.belief.gait import Gait
 from controller.belief.model import WalkerModel
 from controller.belief.stance import StanceEstimator
-from controller.records import ControlStep, Observation, Vector
+from controller.common.records import ControlStep, Observation, Vector
 
 
 class Law(ABC):

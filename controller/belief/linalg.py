@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from controller.compiled import Array, inlined
+from controller.common.compiled import Array, inlined
 
 
 def _cholesky(n: int) -> tuple[Callable[[Array], None], Callable[[Array, Array], None]]:

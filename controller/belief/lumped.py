@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from controller.belief import kernels
-from controller.products import product
-from controller.records import Vector
-from controller.settings import Known
+from controller.common.products import product
+from controller.common.records import Vector
+from controller.common.settings import Known
 
 H = np.array(
     [[1, 0, 0, 0, 1], [0, 1, 0, 0, 1], [1, 0, 1, 0, 1], [0, 1, 0, 1, 1], [0, 0, 0, 0, 1]],

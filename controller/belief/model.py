@@ -11,8 +11,8 @@ import pinocchio as pin
 from controller.belief import kernels, urdf
 from controller.belief.lumped import H, Joints, lump
 from controller.belief.walker_file import BY_KIND, alike, equal, links_of, per_joint, pinocchio_of
-from controller.records import Vector
-from controller.settings import Known
+from controller.common.records import Vector
+from controller.common.settings import Known
 
 COORDINATES = ("hip_x", "hip_z", "torso", "left_hip", "left_knee", "right_hip", "right_knee")
 """Of the walker that is not pinned, as the plant has them."""

@@ -4,9 +4,9 @@ from math import comb
 
 import numpy as np
 
-from controller.compiled import Array, inlined
-from controller.products import product
-from controller.records import Vector
+from controller.common.compiled import Array, inlined
+from controller.common.products import product
+from controller.common.records import Vector
 
 
 def power_basis(alpha: Vector) -> Vector:

@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 
 from controller.belief.urdf import bare, silent
-from controller.errors import UserError
-from controller.records import Vector
+from controller.common.errors import UserError
+from controller.common.records import Vector
 
 
 class Published:

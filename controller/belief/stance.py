@@ -6,8 +6,8 @@ import numpy as np
 
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.model import WalkerModel
-from controller.compiled import Array, inlined
-from controller.records import Leg, Observation, StanceState, Vector
+from controller.common.compiled import Array, inlined
+from controller.common.records import Leg, Observation, StanceState, Vector
 
 LEGS = tuple(Leg)
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from controller.errors import UserError
+from controller.common.errors import UserError
 
 FULL_TURN = 6.28
 """[rad] A bound this far from the zero pose stops nothing."""

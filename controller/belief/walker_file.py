@@ -7,8 +7,8 @@ import pinocchio as pin
 
 from controller.belief import urdf
 from controller.belief.lumped import Link
-from controller.errors import UserError
-from controller.records import Vector
+from controller.common.errors import UserError
+from controller.common.records import Vector
 
 JOINT_NAMES = ("left_hip", "left_knee", "right_hip", "right_knee")
 HINGE_AXIS = np.array([0.0, -1.0, 0.0])
@@ -49,7 +49,7 @@ def links_of(model: pin.Model, path: Path) -> tuple[Link, Link, Link]:
     joints = tuple(model.names[2:])
     if sorted(joints) != sorted(JOINT_NAMES) or model.nv != 7:
         raise UserError(
-            f"{path}: joints {list(joints)} are not those of a five-link walker; legal: {list(JOINT_NAMES)}"
+            f"{path}: joints {list(joints)} are not those of a five-link walker; must be {list(JOINT_NAMES)}"
         )
     parents = {name: model.names[model.parents[model.getJointId(name)]] for name in JOINT_NAMES}
     base = model.names[1]
@@ -66,7 +66,7 @@ def links_of(model: pin.Model, path: Path) -> tuple[Link, Link, Link]:
         turned = model.jointPlacements[model.getJointId(name)].rotation
         if np.abs(turned - np.eye(3)).max() > _STRAIGHT:
             raise UserError(
-                f"{path}: the origin of joint {name} is rotated; legal: rpy = 0 0 0, which cmpc walker new makes of it"
+                f"{path}: the origin of joint {name} is rotated; must be rpy = 0 0 0, which cmpc walker new makes of it"
             )
     torso = _link(model, 1, 0.0, path)
     legs = []
@@ -75,13 +75,13 @@ def links_of(model: pin.Model, path: Path) -> tuple[Link, Link, Link]:
         if np.abs(model.jointPlacements[hip].translation).max() > _STRAIGHT:
             raise UserError(f"{path}: {side}_hip must sit at the torso's origin")
         if not model.existFrame(f"{side}_foot"):
-            raise UserError(f"{path}: no frame {side}_foot; legal: a fixed joint at the tibia's end")
+            raise UserError(f"{path}: no frame {side}_foot; must be there, a fixed joint at the tibia's end")
         foot = model.frames[model.getFrameId(f"{side}_foot")].placement.translation
         femur = _link(model, hip, _along(model.jointPlacements[knee].translation, path, f"{side}_knee"), path)
         tibia = _link(model, knee, _along(foot, path, f"{side}_foot"), path)
         legs.append((femur, tibia))
     if legs[0] != legs[1]:
-        raise UserError(f"{path}: left and right leg differ; legal: equal masses, lengths and inertias")
+        raise UserError(f"{path}: left and right leg differ; must be equal in masses, lengths and inertias")
     return torso, *legs[0]
 
 
@@ -89,13 +89,13 @@ def _link(model: pin.Model, joint: int, length: float, path: Path) -> Link:
     inertia = model.inertias[joint]
     name = model.names[joint]
     if not (np.isfinite(inertia.mass) and inertia.mass > 0.0):
-        raise UserError(f"{path}: mass of the link at {name} is {inertia.mass} kg; legal: above 0 kg")
+        raise UserError(f"{path}: mass of the link at {name} is {inertia.mass} kg; must be above 0 kg")
     about_y = float(inertia.inertia[1, 1])
     if not (np.isfinite(about_y) and about_y > 0.0):
-        raise UserError(f"{path}: inertia of the link at {name} is {about_y} kg m^2; legal: above 0")
+        raise UserError(f"{path}: inertia of the link at {name} is {about_y} kg m^2; must be above 0")
     com, what = inertia.lever, f"the centre of mass at {name}"
     if not np.isfinite(com).all() or abs(com[1]) > _STRAIGHT:
-        raise UserError(f"{path}: {what} is at {com.tolist()} m; legal: in the plane, y = 0 m")
+        raise UserError(f"{path}: {what} is at {com.tolist()} m; must be in the plane, y = 0 m")
     across = float(com[0]) if abs(com[0]) > _STRAIGHT else 0.0
     along = float(com[2])
     return Link(mass=float(inertia.mass), length=length, com=along, inertia=about_y, com_across=across)
@@ -103,7 +103,7 @@ def _link(model: pin.Model, joint: int, length: float, path: Path) -> Link:
 
 def _along(translation: Vector, path: Path, what: str) -> float:
     if not np.isfinite(translation).all() or np.abs(translation[:2]).max() > _STRAIGHT or translation[2] <= 0.0:
-        raise UserError(f"{path}: {what} is at {translation.tolist()} m; legal: on the link's z axis, above 0 m")
+        raise UserError(f"{path}: {what} is at {translation.tolist()} m; must be on the link's z axis, above 0 m")
     return float(translation[2])
 
 
@@ -118,7 +118,7 @@ def equal(found: Vector, path: Path, what: str, unit: str, *, zero: bool) -> Vec
     legal = (found >= 0.0).all() if zero else (found > 0.0).all()
     if not (np.isfinite(found).all() and legal):
         raise UserError(
-            f"{path}: {what} {found.tolist()} {unit}; legal: finite and {'not below' if zero else 'above'} 0"
+            f"{path}: {what} {found.tolist()} {unit}; must be finite and {'not below' if zero else 'above'} 0"
         )
     return alike(found, path, what, unit)
 

@@ -10,14 +10,24 @@ from controller.belief.friction import ROWS, UNLIMITED, cone, excess
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.stance import calm, take
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict, roll_out, within_reason
-from controller.compiled import Array, compiled
-from controller.held import Held, held
-from controller.products import applied
+from controller.common.compiled import Array, compiled
+from controller.common.held import Held, held
+from controller.common.products import applied
+from controller.common.records import (
+    ControlStep,
+    Leg,
+    Observation,
+    Plan,
+    Rows,
+    Status,
+    Vector,
+    observation_of,
+    write_step,
+)
+from controller.common.settings import WeightSettings
 from controller.qp import Solver, StageQP
 from controller.qp.problem import Solution, failed
 from controller.qp.riccati_solver import RiccatiSolver, State, advance, good
-from controller.records import ControlStep, Leg, Observation, Plan, Rows, Status, Vector, observation_of, write_step
-from controller.settings import WeightSettings
 
 
 class Weights(NamedTuple):

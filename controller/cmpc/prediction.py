@@ -21,8 +21,8 @@ from controller.belief.kernels import (
     swing_foot,
     turn,
 )
-from controller.compiled import Array, compiled
-from controller.records import StanceState, Vector
+from controller.common.compiled import Array, compiled
+from controller.common.records import StanceState, Vector
 
 ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers
 TOUCHING = 1e-9  # [m] above the ground, from where a foot that goes down lands

@@ -8,9 +8,17 @@ from controller.belief import Law, Loop
 from controller.belief.closed_loop import ZeroDynamicsStep, zero_dynamics
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.stance import calm, take
-from controller.compiled import compiled
-from controller.held import Held, held
-from controller.records import ControlStep, Observation, Rows, Status, Vector, observation_of, write_step
+from controller.common.compiled import compiled
+from controller.common.held import Held, held
+from controller.common.records import (
+    ControlStep,
+    Observation,
+    Rows,
+    Status,
+    Vector,
+    observation_of,
+    write_step,
+)
 
 
 def zero_dynamics_pd(loop: Loop, q: Vector, dq: Vector) -> ZeroDynamicsStep:

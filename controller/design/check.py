@@ -5,10 +5,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from controller.belief import Gains, Gait, WalkerModel
+from controller.common.records import ACTUATED
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.poincare import NoReturn, ReturnMap, return_map
 from controller.design.requirements import Margin, Requirements, margins
-from controller.records import ACTUATED
 
 PERIODIC = 1e-6
 """[rad], [rad/s]: how far an exact gait may miss itself after an impact and after a step."""

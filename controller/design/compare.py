@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.belief import Gait, WalkerModel
+from controller.common.records import NORMAL, ROLES, TANGENTIAL, Vector
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import elevate
-from controller.records import NORMAL, ROLES, TANGENTIAL, Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

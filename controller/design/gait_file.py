@@ -5,9 +5,9 @@ import tempfile
 from pathlib import Path
 
 from controller.belief import Gait, WalkerModel
+from controller.common.errors import UserError
+from controller.common.records import Vector
 from controller.design.orbit import Orbit
-from controller.errors import UserError
-from controller.records import Vector
 
 
 def to_toml(model: WalkerModel, gait: Gait, orbit: Orbit, remarks: tuple[str, ...] = ()) -> str:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from controller.belief import Gait, WalkerModel
+from controller.common.errors import UserError
+from controller.common.records import Vector
 from controller.design.parameters import CLOCK, closed
-from controller.errors import UserError
-from controller.records import Vector
 
 SAMPLES = 201
 FEWEST = 12

@@ -13,12 +13,12 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares, minimize
 
 from controller.belief import Gait, WalkerModel
+from controller.common.errors import UserError
+from controller.common.records import Vector
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import NoPosture, Parametrisation, posture, with_rates
 from controller.design.problem import COST, MARGINS, NODES, ROOTS, SPEED, Cost, Problem, violation_of
 from controller.design.requirements import Margin, Requirements, margins
-from controller.errors import UserError
-from controller.records import Vector
 
 COST_UNIT = {"torque": "N^2 m s", "work": "J/m"}
 Say = Callable[[str], None]

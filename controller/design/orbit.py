@@ -16,9 +16,9 @@ from functools import lru_cache
 import numpy as np
 
 from controller.belief import Gait, WalkerModel, kernels
+from controller.common.records import Vector
 from controller.design import orbit_kernels
 from controller.design.orbit_kernels import Nodes
-from controller.records import Vector
 
 NODES = 49
 """Chebyshev nodes of a step; the integrands are smooth, so quadrature is exact to rounding long before this."""

@@ -9,7 +9,7 @@ from controller.belief.closed_loop import Gains, GaitTable, Loop, closed_loop, o
 from controller.belief.ground import lands
 from controller.belief.kernels import N_Q, N_U, Stage, Walker
 from controller.belief.polynomial import horner
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 
 
 class Nodes(NamedTuple):

@@ -11,9 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.belief import Gait, WalkerModel, kernels
+from controller.common.records import (
+    STANCE_HIP,
+    STANCE_KNEE,
+    SWING_HIP,
+    SWING_KNEE,
+    TORSO,
+    Vector,
+    swap_legs,
+)
 from controller.design import orbit_kernels
 from controller.design.orbit import Orbit, periodic_orbit
-from controller.records import STANCE_HIP, STANCE_KNEE, SWING_HIP, SWING_KNEE, TORSO, Vector, swap_legs
 
 CLOCK = np.array([-1.0, 0.0, -0.5, 0.0, -1.0])
 """c of theta = c q: minus the angle of the virtual leg, exactly so for thigh and shin of equal length."""

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from controller.belief import Gait, WalkerModel
-from controller.design.orbit import Orbit
-from controller.errors import UserError
-from controller.records import (
+from controller.common.errors import UserError
+from controller.common.records import (
     NORMAL,
     ROLES,
     STANCE_HIP,
@@ -20,6 +19,7 @@ from controller.records import (
     Vector,
     swap_legs,
 )
+from controller.design.orbit import Orbit
 
 COLOURS = ("#2176b5", "#e66b19", "#7fb2d9", "#f2ab7a")
 POSTURES = 6

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from controller.belief import WalkerModel
+from controller.common.records import ROLES, TORSO
 from controller.design.compare import Comparison
 from controller.design.plot import COLOURS, FLOOR, label, links, panels, save
-from controller.records import ROLES, TORSO
 
 DASHED, THROUGH = "--", "-"
 COSTS = ("squared_torque_N2ms", "work_J_m", "friction", "normal_share", "delta2", "speed_m_s")

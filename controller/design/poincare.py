@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.belief import Gains, Gait, Loop, WalkerModel, kernels
+from controller.common.records import Vector
 from controller.design.orbit_kernels import Step, full_step
-from controller.records import Vector
 
 STEP = 2.5e-4  # [s] integration: the orbit's error after a step is below 1e-11
 DIFFERENCE = 1e-5  # [rad], [rad/s]

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from controller.belief import Gait, WalkerModel
+from controller.common.records import Vector
 from controller.design.orbit import periodic_orbit
 from controller.design.parameters import Parametrisation, with_rates
-from controller.records import Vector
 
 LAST_DIGIT = 0.005
 """Half a unit of two decimals: what each printed number is known to, in its own unit."""

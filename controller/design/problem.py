@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 
 from controller.belief import WalkerModel
+from controller.common.records import Vector
 from controller.design.orbit import periodic_orbit, quadrature
 from controller.design.parameters import NoPosture, Parametrisation
 from controller.design.requirements import Requirements, margins
-from controller.records import Vector
 
 Cost = Literal["torque", "work"]
 

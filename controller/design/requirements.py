@@ -5,9 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.belief import Gains, Gait, WalkerModel
+from controller.common.records import (
+    ACTUATED,
+    NORMAL,
+    STANCE_KNEE,
+    SWING_KNEE,
+    TANGENTIAL,
+    TORSO,
+    Vector,
+)
 from controller.design.orbit import Orbit
 from controller.design.transverse import transverse_eigenvalues
-from controller.records import ACTUATED, NORMAL, STANCE_KNEE, SWING_KNEE, TANGENTIAL, TORSO, Vector
 
 KNEES = [STANCE_KNEE, SWING_KNEE]
 HIGH, RATE = 1, 2  # columns of `Orbit.foot`

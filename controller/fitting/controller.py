@@ -21,10 +21,10 @@ they see.
 from dataclasses import replace
 
 from controller.belief import Law, StanceEstimator, WalkerModel
+from controller.common.records import TORSO, ControlStep, Observation, StanceState
+from controller.common.settings import FittingSettings
 from controller.fitting.family import GaitFamily
 from controller.guard import Guarded
-from controller.records import TORSO, ControlStep, Observation, StanceState
-from controller.settings import FittingSettings
 
 
 class GaitFitting:

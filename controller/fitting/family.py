@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.belief import Gait
+from controller.common.errors import UserError
+from controller.common.records import Vector
 from controller.design.orbit import Orbit, periodic_orbit
 from controller.design.parameters import CLOCK, NoPosture, Parametrisation, elevate, with_rates
-from controller.errors import UserError
 from controller.fitting.library import GaitLibrary
-from controller.records import Vector
 
 SPEED_STEP = 0.025  # [m/s] between members at most; mixtures of two miss hybrid invariance by 6e-4 rad/s
 DEGREE = 8  # of the clock's rate along a step, as polynomial

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from controller.belief import Gait, WalkerModel, load_gait
+from controller.common.errors import UserError
+from controller.common.records import Vector
 from controller.design.orbit import periodic_orbit
 from controller.design.parameters import Parametrisation, with_rates
-from controller.errors import UserError
-from controller.records import Vector
 
 FILE = re.compile(r"L(\d+\.\d+)-v(\d+\.\d+)\.toml")
 SPEED_ERROR = 1e-6  # relative, of a gait between two of the library's

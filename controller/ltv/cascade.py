@@ -7,14 +7,14 @@ import numpy as np
 
 from controller.belief import Friction, Gains, Gait, Law, WalkerModel
 from controller.belief.ground import LEVEL, Ground, under_the_foot
+from controller.common.products import inner
+from controller.common.records import ControlStep, Observation, StanceState, Status, Vector
+from controller.common.settings import LtvSettings
 from controller.ltv import plan
 from controller.ltv.cost import off_the_orbit
 from controller.ltv.horizon import Outlook
 from controller.ltv.orbit import Orbit, find_orbit, nominal_rate
 from controller.ltv.problem import residuals
-from controller.products import inner
-from controller.records import ControlStep, Observation, StanceState, Status, Vector
-from controller.settings import LtvSettings
 
 BEYOND = 0.05  # of the clock's normal range; the polynomials run away further out
 

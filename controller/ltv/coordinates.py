@@ -5,7 +5,7 @@ With J = H [I; -c_a/c_5] the link angles are phi = J (y + h(theta)) + theta/c_5,
 
 from controller.belief import kernels
 from controller.belief.closed_loop import GaitTable, outputs
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 
 N_Z = 10
 Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z

@@ -6,12 +6,12 @@ import numpy as np
 
 from controller.belief.friction import ROWS as FORCE_ROWS
 from controller.belief.friction import UNLIMITED, Friction, cone, excess
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
+from controller.common.records import Vector
+from controller.common.settings import LtvSettings
 from controller.ltv.horizon import LtvHorizon
 from controller.ltv.orbit import Orbit, nominal_rate
 from controller.ltv.problem import LtvProblem
-from controller.records import Vector
-from controller.settings import LtvSettings
 
 N_E = 9  # errors of a stage: outputs, their rates, the clock's rate
 TORQUE_ROWS = 8  # both bounds of four torques

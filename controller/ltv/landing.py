@@ -11,7 +11,7 @@ from controller.belief.closed_loop import GaitTable, Loop, clock_of, closed_loop
 from controller.belief.ground import Ground, clearance
 from controller.belief.kernels import Walker
 from controller.belief.linalg import cholesky5_solve
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, from_output, link_jacobian, to_output
 from controller.ltv.motion import COLUMNS, accelerate
 

@@ -13,7 +13,7 @@ from controller.belief import kernels
 from controller.belief.closed_loop import GaitTable, Loop, clock_of
 from controller.belief.kernels import Walker
 from controller.belief.linalg import cholesky5_solve
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, times_J
 
 

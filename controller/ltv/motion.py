@@ -5,7 +5,7 @@ import numpy as np
 from controller.belief import kernels
 from controller.belief.closed_loop import Gains, Loop, clock_of
 from controller.belief.linalg import cholesky5_solve
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y
 from controller.ltv.linearisation import Derivatives
 

@@ -8,7 +8,7 @@ import numpy as np
 from controller.belief import Gains, Gait, Loop, WalkerModel, kernels
 from controller.belief.closed_loop import closed_loop
 from controller.belief.ground import lands
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 
 STEPS = 60  # to settle on the periodic orbit
 DT = 2e-4  # [s]

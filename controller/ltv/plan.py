@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.belief.friction import excess
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.ltv.cost import ROWS, Cost, model, new_problem, objective
 from controller.ltv.horizon import LtvHorizon, Outlook, look_ahead, new_horizon
 from controller.ltv.orbit import Orbit

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.ltv.coordinates import N_Z
 from controller.qp.bounds import AT_UPPER, FREE
 

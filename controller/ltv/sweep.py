@@ -3,7 +3,7 @@
 import numpy as np
 
 from controller.belief.linalg import cholesky4, cholesky4_solve
-from controller.compiled import compiled
+from controller.common.compiled import compiled
 from controller.ltv.coordinates import DTHETA, N_Z, THETA
 from controller.ltv.problem import LtvProblem, LtvState
 from controller.qp.bounds import AT_UPPER, FREE, corrected

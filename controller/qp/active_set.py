@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.qp.bounds import AT_UPPER, corrected
 from controller.qp.problem import StageQP
 from controller.qp.riccati import Factors, Terms, new_factors, newton_step, smooth_gradient

@@ -1,6 +1,6 @@
 """Torques at their bounds: the codes of an active-set guess, and the rule that corrects it."""
 
-from controller.compiled import inlined
+from controller.common.compiled import inlined
 
 FREE, AT_LOWER, AT_UPPER = 0, -1, 1
 TORQUE_TOLERANCE = 1e-9  # [N.m] beyond a bound

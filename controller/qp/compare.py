@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from controller.common.records import Vector
 from controller.qp.problem import Solution, Solver, StageQP
 from controller.qp.solvers import make_solver
-from controller.records import Vector
 
 REFINE_FROM = 1e-5  # [N.m] apart in the first torque
 _AT_BOUND = 1e-4  # [N.m] what counts as sitting at a bound of the torque box

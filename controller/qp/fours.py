@@ -6,7 +6,7 @@ two operations, since the compiler cannot know that they do not overlap; tuples 
 
 from typing import Any
 
-from controller.compiled import inlined
+from controller.common.compiled import inlined
 
 Vector4 = Any  # tuple of 4 floats
 Matrix4 = Any  # tuple of 4 rows; of a symmetric one's factorisation only the lower triangle is read

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.qp.active_set import Guess
 from controller.qp.bounds import AT_LOWER, AT_UPPER, FREE
 from controller.qp.fours import (

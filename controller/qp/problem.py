@@ -15,8 +15,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from controller.compiled import Array
-from controller.records import Status, Vector
+from controller.common.compiled import Array
+from controller.common.records import Status, Vector
 
 
 class StageQP(NamedTuple):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.qp.problem import StageQP
 from controller.qp.riccati import rates, smooth_gradient
 

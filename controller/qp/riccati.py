@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from controller.qp.bounds import FREE
 from controller.qp.fours import (
     Matrix4,

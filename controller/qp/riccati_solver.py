@@ -20,14 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.compiled import compiled
+from controller.common.compiled import compiled
+from controller.common.records import Status
 from controller.qp import active_set, interior_point, riccati
 from controller.qp.active_set import Guess, Sweep
 from controller.qp.interior_point import Newton, Point
 from controller.qp.problem import Solution, Solver, StageQP, failed
 from controller.qp.residuals import Residuals, residuals
 from controller.qp.riccati import rates, smooth_gradient
-from controller.records import Status
 
 SWEEPS, POLISH_SWEEPS = 12, 6  # at most: at first, and from what the interior-point method says is active
 INTERIOR_ITERATIONS = 40

@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from controller.errors import UserError
+from controller.common.errors import UserError
 from controller.qp.problem import Solver
 from controller.qp.riccati_solver import RiccatiSolver
 

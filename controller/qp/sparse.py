@@ -8,9 +8,9 @@ import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 
+from controller.common.records import Status, Vector
 from controller.qp.problem import Solution, StageQP, failed
 from controller.qp.residuals import residuals_at
-from controller.records import Status, Vector
 
 _TORQUE_SCALE = 50.0  # [N.m] unit of u in the sparse form
 _RATE_SCALE = 1.0  # [rad/s] unit of w

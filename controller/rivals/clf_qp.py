@@ -33,12 +33,12 @@ import qpsolvers
 from scipy.linalg import solve_continuous_are
 
 from controller.belief.friction import Friction, matrix
-from controller.records import Status, Vector
+from controller.common.records import Status, Vector
+from controller.common.settings import ClfSettings
 from controller.rivals import dense_qp
 from controller.rivals.dense_qp import Applied
 from controller.rivals.law import Decision
 from controller.rivals.output_dynamics import OutputDynamics
-from controller.settings import ClfSettings
 
 F = np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(4))
 G = np.kron([[0.0], [1.0]], np.eye(4))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import qpsolvers
 
-from controller.records import Status, Vector
+from controller.common.records import Status, Vector
 
 SOLVER = "daqp"
 FEASIBLE = 1e-3  # largest violation of a constraint, in its unit, by an answer that may be used

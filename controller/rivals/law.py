@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from controller.belief import Gains, Gait, Law, WalkerModel
-from controller.records import ControlStep, Observation, Plan, Status, Vector
+from controller.common.records import ControlStep, Observation, Plan, Status, Vector
 from controller.rivals.dense_qp import Answer, no_answer
 from controller.rivals.output_dynamics import OutputDynamics, output_dynamics
 

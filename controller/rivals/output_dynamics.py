@@ -7,8 +7,8 @@ import numpy as np
 from controller.belief import kernels
 from controller.belief.closed_loop import GaitTable, outputs
 from controller.belief.kernels import Walker
-from controller.compiled import Array, compiled
-from controller.records import Vector
+from controller.common.compiled import Array, compiled
+from controller.common.records import Vector
 
 
 class OutputDynamics(NamedTuple):

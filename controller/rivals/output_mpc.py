@@ -23,12 +23,12 @@ import qpsolvers
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from controller.records import Vector
+from controller.common.records import Vector
+from controller.common.settings import OutputMpcSettings
 from controller.rivals import dense_qp
 from controller.rivals.dense_qp import Applied
 from controller.rivals.law import Decision
 from controller.rivals.output_dynamics import OutputDynamics
-from controller.settings import OutputMpcSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

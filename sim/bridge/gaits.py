@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.belief import Gait, WalkerModel, load_gait
+from controller.common.records import ROLES
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
 from controller.design.compare import Comparison, compare
@@ -19,7 +20,6 @@ from controller.design.plot_compare import plot_comparison
 from controller.design.polish import polish
 from controller.design.requirements import Requirements
 from controller.fitting import library
-from controller.records import ROLES
 from sim.errors import UserError
 from sim.runner import Ended, Pool
 from sim.walkers import WalkerFolder

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from controller import outside
 from controller.belief.closed_loop import zero_dynamics
 from controller.cmpc import CascadedMpc
 from controller.cmpc.prediction import predict, roll_out
-from controller.compiled import compiled_beside, on_disk
+from controller.common import outside
+from controller.common.compiled import compiled_beside, on_disk
+from controller.common.records import Leg, StanceState
+from controller.common.settings import BUILT_IN
 from controller.guard import Guarded, hangs_end
 from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
-from controller.records import Leg, StanceState
-from controller.settings import BUILT_IN
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import LEGS, OBSERVATION, STEP, Controller, Observation, Plant, RowController, Vector
 from sim.log import provenance

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from controller import outside
-from controller.settings import BUILT_IN
+from controller.common import outside
+from controller.common.settings import BUILT_IN
 from sim.commands.options import add_quiet, add_scenario, add_workers, scenario_of
 from sim.errors import UserError
 from sim.scenario import Scenario, to_toml, with_value

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from controller import outside
-from controller.settings import BUILT_IN
+from controller.common import outside
+from controller.common.settings import BUILT_IN
 from sim.errors import UserError
 from sim.scenario import Scenario, load, with_value
 from sim.settings import flags

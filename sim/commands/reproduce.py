@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from controller import outside
-from controller.settings import BUILT_IN
+from controller.common import outside
+from controller.common.settings import BUILT_IN
 from sim.commands.options import add_quiet, add_workers, with_controller
 from sim.errors import UserError
 from sim.reproduce import EXPERIMENTS

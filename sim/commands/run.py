@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.outside import file_label
+from controller.common.outside import file_label
 from sim.commands.options import add_json, add_quiet, add_scenario, show_help
 from sim.errors import UserError
 from sim.scenario import Scenario, load, shipped

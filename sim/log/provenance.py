@@ -82,7 +82,7 @@ def machine() -> dict[str, str]:
     import llvmlite.binding
     from threadpoolctl import threadpool_info
 
-    from controller.compiled import ROOT, digest
+    from controller.common.compiled import ROOT, digest
 
     target = os.environ.get("NUMBA_CPU_NAME") or llvmlite.binding.get_host_cpu_name()
     libraries = {

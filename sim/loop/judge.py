@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.compiled import compiled
+from controller.common.compiled import compiled
 from sim.interface import LEGS, LINKS, Rows
 from sim.loop.outcome import FallReason, Outcome
 

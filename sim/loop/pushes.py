@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.compiled import compiled
+from controller.common.compiled import compiled
 from sim.interface import AppliedForce
 from sim.scenario import Push
 

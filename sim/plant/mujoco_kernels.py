@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import carray
 
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 from sim.plant.engine import mj_step, pointer
 from sim.plant.rows import COS, INTERCEPT, SIN, facet_under
 

@@ -12,8 +12,8 @@ import numpy as np
 from numba import carray
 from numpy.typing import NDArray
 
-from controller.compiled import compiled
-from controller.products import applied
+from controller.common.compiled import compiled
+from controller.common.products import applied
 from sim.plant.engine import pointer
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numba import carray
 
-from controller.compiled import compiled
+from controller.common.compiled import compiled
 from sim.plant.engine import (
     mj_applyFT,
     mj_comPos,

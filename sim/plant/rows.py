@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from controller.compiled import Array, inlined
+from controller.common.compiled import Array, inlined
 
 START, COS, SIN, INTERCEPT, TAN = range(5)
 """Columns of a ground (`Terrain.table`): where a facet begins in [m], cosine and sine of its angle, its height at

@@ -8,9 +8,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from controller.settings import BUILT_IN
+from controller.common.settings import BUILT_IN
 from sim.reproduce.panels import Panel
-from sim.runner import Task as Task
+from sim.runner import Task
 from sim.scenario import Scenario, to_toml, with_values
 
 PLANTS = ("rigid", "mujoco")

@@ -6,7 +6,7 @@ import os
 import tomllib
 from pathlib import Path
 
-from controller.outside import inert
+from controller.common.outside import inert
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario
 from sim.settings import tree as settings

@@ -5,7 +5,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 
-from controller.units import NOT_NEGATIVE, Doc, Metre, PositiveRatio, Radian, Ratio, Unit
+from controller.common.units import (
+    NOT_NEGATIVE,
+    Doc,
+    Metre,
+    PositiveRatio,
+    Radian,
+    Ratio,
+    Unit,
+)
 
 T = TypeVar("T")
 

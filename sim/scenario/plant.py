@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from controller.units import (
+from controller.common.units import (
     AT_LEAST_ONE,
     FRACTION,
     NOT_NEGATIVE,

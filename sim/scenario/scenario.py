@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from controller.settings import ControllerSettings
-from controller.units import (
+from controller.common.settings import ControllerSettings
+from controller.common.units import (
     AT_LEAST_ONE,
     NOT_NEGATIVE,
     POSITIVE,

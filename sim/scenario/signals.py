@@ -4,7 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from controller.units import FRACTION, NOT_NEGATIVE, Radian, Second, Unit
+from controller.common.units import FRACTION, NOT_NEGATIVE, Radian, Second, Unit
 from sim.scenario.per_link import JointAngles, JointFactors, JointRates
 
 RadianPerSecond = Annotated[float, Unit("rad/s")]

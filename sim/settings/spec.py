@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from controller.units import Doc, Range, Unit, Words
+from controller.common.units import Doc, Range, Unit, Words
 from sim.errors import UserError
 
 TYPES = "bool, int, float, str, a Literal of words, T | None, a tuple of float or str, or a dataclass of these"

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from pathlib import Path
 
-from controller import outside
-from controller.settings import BUILT_IN
+from controller.common import outside
+from controller.common.settings import BUILT_IN
 from sim.errors import UserError
 from sim.log.read.log import Log
 from sim.scenario import Scenario, from_toml

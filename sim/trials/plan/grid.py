@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from controller.units import NOT_NEGATIVE, Unit
+from controller.common.units import NOT_NEGATIVE, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan.axis import Value, label, spec_of

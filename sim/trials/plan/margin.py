@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, TypeVar
 
-from controller.units import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, Radian, Unit
+from controller.common.units import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, Radian, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan.axis import label, spec_of

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from controller.units import AT_LEAST_ONE, NOT_NEGATIVE, Unit
+from controller.common.units import AT_LEAST_ONE, NOT_NEGATIVE, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan.axis import Value, label, spec_of

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from controller import outside
-from controller.settings import BUILT_IN
-from controller.units import NOT_NEGATIVE, POSITIVE, Second, Unit
+from controller.common import outside
+from controller.common.settings import BUILT_IN
+from controller.common.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario, names_a_path
 from sim.settings import tree as settings

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from controller import outside
-from controller.settings import BUILT_IN
+from controller.common import outside
+from controller.common.settings import BUILT_IN
 from sim.log import provenance
 from sim.scenario import Scenario
 from sim.walkers import ModelFiles

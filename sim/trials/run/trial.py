@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from controller import outside
-from controller.settings import BUILT_IN
+from controller.common import outside
+from controller.common.settings import BUILT_IN
 from sim.errors import UserError
 from sim.interface import JOINTS
 from sim.loop import Outcome, RunSummary, Tape

@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from controller.compiled import Array, compiled
+from controller.common.compiled import Array, compiled
 
 
 def _fma(typing: Any, a: Any, b: Any, c: Any) -> Any:

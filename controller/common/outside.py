@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from controller.errors import UserError
+from controller.common.errors import UserError
 
 GROUP = "cmpc.controllers"
 """Entry-point group under which a package offers controllers."""

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 CACHE_VARIABLE = "NUMBA_CACHE_DIR"
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 """Folder of the project's packages."""
 
 _IMPORT = re.compile(r"^\s*(?:from\s+((?:controller|sim)[\w.]*)\s+import\s+(\([^)]*\)|.*)|import\s+(.+))$", re.M)

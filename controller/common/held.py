@@ -16,7 +16,7 @@ from numba import typeof, types
 from numba.core.registry import cpu_target
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 
-from controller.compiled import generic
+from controller.common.compiled import generic
 
 
 class HeldType(types.Type):

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from controller import outside
-from controller.units import (
+from controller.common import outside
+from controller.common.units import (
     AT_LEAST_ONE,
     FRACTION,
     NOT_NEGATIVE,

@@ -1,0 +1,1 @@
+"""Common ground of both worlds: records, settings and errors they share, and how kernels are compiled."""
