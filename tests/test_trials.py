@@ -284,7 +284,7 @@ def test_the_benchmark_of_trials_has_a_rate_for_each_controller(capsys) -> None:
     assert cli.main(["trials", "bench", "--controllers", "zd-pd", "--trials", "4", "--json"]) == 0
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)["figures"]}
     one = rows["zd-pd, 1 worker"]["value"]
-    assert one > 0.0 and rows["zd-pd, CPU time of a trial"]["value"] > 0.0
+    assert one > 0.0 and rows["zd-pd, CPU time of the campaign's process a trial"]["value"] > 0.0
     for name, row in rows.items():
         if "efficiency" in name:
             assert row["value"] == pytest.approx(rows["zd-pd, 2 workers"]["value"] / (2 * one))

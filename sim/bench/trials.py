@@ -1,4 +1,4 @@
-"""What trials cost on this machine: CPU time of one, trials a second, and what a second worker brings."""
+"""What trials cost on this machine: the campaign's own share of one, trials a second, and what a second worker brings."""
 
 import dataclasses
 import time
@@ -34,7 +34,7 @@ def benchmark(controllers: tuple[str, ...], trials: int, say: Say) -> list[Figur
         plan = _plan(kind, trials)
         one, cpu = _rate(plan, 1)
         figures += [
-            Figure(name=f"{kind}, CPU time of a trial", value=cpu, unit="s"),
+            Figure(name=f"{kind}, CPU time of the campaign's process a trial", value=cpu, unit="s"),
             Figure(name=f"{kind}, 1 worker", value=one, unit="trials/s"),
         ]
         if workers > 1:
