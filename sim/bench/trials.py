@@ -1,4 +1,4 @@
-"""What trials cost on this machine: the campaign's own share of one, trials a second, and what a second worker brings."""
+"""What trials cost on this machine: the campaign's share of one, trials a second, what a second worker brings."""
 
 import dataclasses
 import time
