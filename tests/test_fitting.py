@@ -14,7 +14,7 @@ from controller.design.orbit import periodic_orbit
 from controller.fitting.controller import GaitFitting
 from controller.fitting.family import GaitFamily
 from controller.fitting.library import GaitLibrary
-from sim.bridge import run as compose
+from sim.bridge import run as bridge
 from sim.log.read import read_log
 from sim.loop import EachTick
 from sim.scenario import Push, Scenario, with_values
@@ -27,7 +27,7 @@ KINDS = ("zd-pd", "c-mpc", "c-mpc-ltv", "clf-qp", "output-mpc")
 
 @pytest.fixture(scope="module")
 def belief():
-    return compose.load_belief(Scenario())
+    return bridge.load_belief(Scenario())
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ class Events(EachTick):
 
 def walk(changes, **scenario):
     tape = Events()
-    return compose.run_scenario(with_values(Scenario(**scenario), changes), tape=tape), tape
+    return bridge.run_scenario(with_values(Scenario(**scenario), changes), tape=tape), tape
 
 
 def test_the_member_in_the_middle_is_the_gait_itself(belief, family):
@@ -93,7 +93,7 @@ def test_members_end_where_the_family_ends(family):
 
 def test_the_speed_is_read_from_the_momentum(belief, family):
     """A walker on a member's orbit, just before its impact, is measured to be as fast as the member."""
-    chooser = GaitFitting(compose.build_controller(Scenario().controller, belief), belief.model, family, RULE)
+    chooser = GaitFitting(bridge.build_controller(Scenario().controller, belief), belief.model, family, RULE)
     for k in (1, len(family.speeds) // 2, -2):
         gait = family.member(family.speeds[k])
         before = StanceState(q=gait.q_minus, dq=gait.dq_minus, leg=Leg.LEFT)
@@ -148,7 +148,7 @@ def test_it_holds_a_push_that_throws_the_same_controller_over():
 
 
 def test_a_reset_returns_to_the_own_gait(belief, family):
-    chooser = GaitFitting(compose.build_controller(Scenario().controller, belief), belief.model, family, RULE)
+    chooser = GaitFitting(bridge.build_controller(Scenario().controller, belief), belief.model, family, RULE)
     chooser._follow(-0.2)
     assert chooser.inner.gait is not belief.gait
     chooser.reset("left")
@@ -160,7 +160,7 @@ def test_a_log_carries_the_library_and_runs_again_from_it(tmp_path):
 
     log = tmp_path / "run.mcap"
     pushed = with_values(Scenario(steps=2, pushes=(Push(force=20.0, step=1),)), ZD_PD | FITTING)
-    compose.run_scenario(pushed, log=log)
+    bridge.run_scenario(pushed, log=log)
     assert "gait-library.json" in read_log(log).attachments
     assert replay(read_log(log)).identical
 
@@ -172,4 +172,4 @@ def test_gaits_that_can_not_be_fitted_are_refused(belief, tmp_path):
         GaitFamily.around(other_clock, library)
     empty = dataclasses.replace(belief, library=tmp_path)
     with pytest.raises(UserError, match="no library gaits"):
-        compose.build_controller(with_values(Scenario(), FITTING).controller, empty)
+        bridge.build_controller(with_values(Scenario(), FITTING).controller, empty)

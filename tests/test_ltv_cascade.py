@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controller.ltv.orbit import find_orbit, nominal_rate
-from sim.bridge import run as compose
+from sim.bridge import run as bridge
 from sim.interface import Observation
 from sim.loop import EachTick
 from sim.scenario import Push, Scenario, with_values
@@ -33,12 +33,12 @@ def seen(q, dq, k=0, landed=False):
 
 def walk(scenario):
     tape = Steps()
-    return compose.run_scenario(scenario, tape=tape), tape
+    return bridge.run_scenario(scenario, tape=tape), tape
 
 
 @pytest.fixture(scope="module")
 def belief():
-    return compose.load_belief(CALM)
+    return bridge.load_belief(CALM)
 
 
 def test_the_orbit_is_the_gaits(belief):
@@ -84,7 +84,7 @@ def test_it_softens_contact_rows_and_says_so():
 
 
 def test_a_reset_forgets_everything(belief):
-    controller = compose.build_controller(CALM.controller, belief)
+    controller = bridge.build_controller(CALM.controller, belief)
     q, dq = belief.gait.post_impact(belief.model)
     dq = dq + 0.2
 
@@ -101,7 +101,7 @@ def test_a_reset_forgets_everything(belief):
 
 def test_the_slope_is_learnt_from_the_feet(belief):
     """A touch-down with the landing foot raised: half of the slope is believed at once, the rest later."""
-    controller = compose.build_controller(CALM.controller, belief)
+    controller = bridge.build_controller(CALM.controller, belief)
     q = belief.gait.q_minus.copy()
     q[4] += 0.05  # the whole walker leans back: the swing foot in front rises
     ahead, height, _ = belief.model.swing_foot(q, belief.gait.dq_minus)
@@ -111,7 +111,7 @@ def test_the_slope_is_learnt_from_the_feet(belief):
 
 
 def test_a_prediction_that_diverges_falls_back_to_saturated_zd_pd(belief):
-    controller = compose.build_controller(CALM.controller, belief)
+    controller = bridge.build_controller(CALM.controller, belief)
     q, dq = belief.gait.post_impact(belief.model)
     step = controller.step(seen(q, dq * 1e200))
     assert step.fallback and step.status == "prediction-diverged"
@@ -119,7 +119,7 @@ def test_a_prediction_that_diverges_falls_back_to_saturated_zd_pd(belief):
 
 def test_the_log_may_ask_what_is_expected(belief):
     """Tick by tick over 0.3 s, beginning with the present."""
-    controller = compose.build_controller(CALM.controller, belief)
+    controller = bridge.build_controller(CALM.controller, belief)
     q, dq = belief.gait.post_impact(belief.model)
     q[0] += 0.05
     step = controller.step(seen(q, dq))

@@ -8,7 +8,7 @@ import pytest
 from controller.cmpc.zero_dynamics import zero_dynamics_pd
 from controller.common.records import Leg
 from controller.rivals import dense_qp
-from sim.bridge import run as compose
+from sim.bridge import run as bridge
 from sim.interface import Observation
 from sim.loop import EachTick
 from sim.scenario import Scenario, with_values
@@ -36,7 +36,7 @@ def scenario(kind, **changes):
 
 @pytest.fixture(scope="module")
 def belief():
-    return compose.load_belief(Scenario())
+    return bridge.load_belief(Scenario())
 
 
 @pytest.fixture(params=KINDS)
@@ -46,7 +46,7 @@ def kind(request):
 
 @pytest.fixture
 def controller(kind, belief):
-    found = compose.build_controller(scenario(kind).controller, belief)
+    found = bridge.build_controller(scenario(kind).controller, belief)
     found.reset("left")
     return found
 
@@ -57,7 +57,7 @@ def seen(q, dq, contact=(True, False)):
 
 def test_it_walks_within_the_torque_limits_and_repeats(kind, belief):
     tape = Steps()
-    summary = compose.run_scenario(scenario(kind), tape=tape, belief=belief)
+    summary = bridge.run_scenario(scenario(kind), tape=tape, belief=belief)
     assert summary.outcome == "completed" and summary.fallbacks == 0
     assert summary.step_length_m == pytest.approx(0.404, abs=0.01)
     assert summary.output_error_rms_rad < 5e-3
@@ -66,7 +66,7 @@ def test_it_walks_within_the_torque_limits_and_repeats(kind, belief):
         np.testing.assert_allclose(step.u_total, step.u_zd + step.u_mpc, atol=1e-12)
         assert np.isfinite(step.residuals).all() and step.residuals.max() < 1e-4
     assert {step.stance for step in tape.steps} == {"left", "right"}
-    assert compose.run_scenario(scenario(kind), belief=belief).state_digest == summary.state_digest
+    assert bridge.run_scenario(scenario(kind), belief=belief).state_digest == summary.state_digest
 
 
 def test_it_walks_in_a_trial(kind):
@@ -88,7 +88,7 @@ values = [-5, 5]
 
 def test_it_speaks_body_order(kind, belief, controller, walking_states):
     """Mirroring what is seen mirrors what is done."""
-    mirrored = compose.build_controller(scenario(kind).controller, belief)
+    mirrored = bridge.build_controller(scenario(kind).controller, belief)
     mirrored.reset("right")
     swap = Leg.RIGHT.from_body
     for q, dq in walking_states(20):

@@ -1,4 +1,4 @@
-"""The composition root of `cmpc gains`: a search on the controller's belief, its record, its result as a scenario."""
+"""`cmpc gains`: a search on the controller's belief, its record, its result as a scenario."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The second composition root: what the design commands need of the controller's side.
+"""What the design commands need of the controller's side.
 
 Beliefs only: nothing here touches a plant. That a designed gait walks in MuJoCo is for `cmpc run` to show.
 """

@@ -1,4 +1,4 @@
-"""The composition root: `sim/compose*.py` alone know both worlds; here a run is put together."""
+"""A run put together from a scenario: plant, controller, sensors, log; the one starter of runs."""
 
 import contextlib
 import os

@@ -12,7 +12,7 @@ from fakes import control_step
 
 from controller import laws
 from controller.belief import WalkerModel, load_gait
-from sim.bridge import run as compose
+from sim.bridge import run as bridge
 from sim.interface import COORDINATES
 from sim.log.read import read_log
 from sim.loop import Course, Loop, NoTape
@@ -24,7 +24,7 @@ SHORT = with_values(PUSHED, {"controller.horizon": 20})
 
 
 def run(scenario, log=None, **how):
-    return compose.run_scenario(scenario, log=log, **how)
+    return bridge.run_scenario(scenario, log=log, **how)
 
 
 @pytest.fixture(scope="module")
@@ -149,8 +149,8 @@ def test_a_crash_in_mid_run_leaves_a_readable_log(tmp_path, monkeypatch):
                 raise ZeroDivisionError("a bug")
             return self.inner.step(observation)
 
-    build = compose.build_controller
-    monkeypatch.setattr(compose, "build_controller", lambda *args, **named: Crashing(build(*args, **named)))
+    build = bridge.build_controller
+    monkeypatch.setattr(bridge, "build_controller", lambda *args, **named: Crashing(build(*args, **named)))
     with pytest.raises(ZeroDivisionError):
         run(with_value(SHORT, "controller.kind", "zd-pd"), tmp_path / "x.mcap")
     log = read_log(tmp_path / "x.mcap")
@@ -195,8 +195,8 @@ class Stiff:
 
 
 def test_a_third_controller_needs_the_protocol_alone():
-    belief, plant = compose.load_belief(SHORT), compose.build_plant(SHORT)
-    q, _ = compose.start_state(SHORT, belief)
+    belief, plant = bridge.load_belief(SHORT), bridge.build_plant(SHORT)
+    q, _ = bridge.start_state(SHORT, belief)
     summary = Loop(
         plant=plant,
         controller=Stiff(q),
@@ -208,25 +208,25 @@ def test_a_third_controller_needs_the_protocol_alone():
 
 
 def test_start_is_the_gaits_state_after_impact_with_the_offsets(model):
-    belief = compose.load_belief(SHORT)
-    q, dq = compose.start_state(SHORT, belief)
+    belief = bridge.load_belief(SHORT)
+    q, dq = bridge.start_state(SHORT, belief)
     gait = load_gait(RABBIT / "gaits" / "paper.toml", WalkerModel(RABBIT / "rabbit.urdf"))
     q0, dq0 = gait.post_impact(model)
     assert np.array_equal(q, q0) and np.array_equal(dq, dq0)
     moved = with_values(
         SHORT, {"start.torso_offset": 0.1, "start.q_offset": (1, 2, 3, 4, 5), "start.dq_offset": (5, 4, 3, 2, 1)}
     )
-    q1, dq1 = compose.start_state(moved, belief)
+    q1, dq1 = bridge.start_state(moved, belief)
     assert q1 - q == pytest.approx([1, 2, 3, 4, 5.1]) and dq1 - dq == pytest.approx([5, 4, 3, 2, 1])
 
 
 def test_a_leaning_torso_leaves_the_legs_where_they_are():
-    belief = compose.load_belief(SHORT)
+    belief = bridge.load_belief(SHORT)
     states = []
     for lean in (0.0, 0.2):
         scenario = with_values(SHORT, {"start.torso_lean": lean})
-        plant = compose.build_plant(scenario)
-        plant.reset(*compose.start_state(scenario, belief), "left")
+        plant = bridge.build_plant(scenario)
+        plant.reset(*bridge.start_state(scenario, belief), "left")
         states.append(plant.state())
     upright, leaning = states
     assert leaning.q[-1] - upright.q[-1] == pytest.approx(0.2)
@@ -236,18 +236,18 @@ def test_a_leaning_torso_leaves_the_legs_where_they_are():
 def test_belief_knows_nothing_of_the_plants_errors():
     """Whatever is wrong with the plant, controller and start are the same."""
     wrong = with_values(SHORT, {"plant.mass_factor.torso": 2.0, "plant.ground.slope": 0.05})
-    a, b = compose.load_belief(SHORT), compose.load_belief(wrong)
+    a, b = bridge.load_belief(SHORT), bridge.load_belief(wrong)
     assert a.model.lumped.mass == b.model.lumped.mass
-    assert np.array_equal(compose.start_state(SHORT, a)[1], compose.start_state(wrong, b)[1])
-    assert compose.build_plant(wrong).model.body_mass.sum() == pytest.approx(a.model.lumped.mass + 12.0)
+    assert np.array_equal(bridge.start_state(SHORT, a)[1], bridge.start_state(wrong, b)[1])
+    assert bridge.build_plant(wrong).model.body_mass.sum() == pytest.approx(a.model.lumped.mass + 12.0)
 
 
 def test_a_gait_of_another_folder_is_used(tmp_path):
     text = (RABBIT / "gaits" / "paper.toml").read_text().replace('name = "paper"', 'name = "mine"')
     (tmp_path / "mine.toml").write_text(text)
-    belief = compose.load_belief(dataclasses.replace(SHORT, gait=str(tmp_path / "mine.toml")))
+    belief = bridge.load_belief(dataclasses.replace(SHORT, gait=str(tmp_path / "mine.toml")))
     assert belief.gait.name == "mine"
     shutil.copytree(RABBIT, tmp_path / "rabbit")
-    moved = compose.load_belief(dataclasses.replace(SHORT, walker=str(tmp_path / "rabbit")))
+    moved = bridge.load_belief(dataclasses.replace(SHORT, walker=str(tmp_path / "rabbit")))
     assert moved.model.path == tmp_path / "rabbit" / "rabbit.urdf"
     assert tomllib.loads(text)["degree"] == moved.gait.alpha.shape[1] - 1
