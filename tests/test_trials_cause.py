@@ -14,6 +14,7 @@ from sim.scenario import Scenario, load, with_values
 from sim.settings.tree import spec_at
 from sim.trials.falls.cause import PROOFS, Cause, decisive
 from sim.trials.falls.witness import SHARES, Witness
+from sim.trials.run.trial import fading
 
 DT = 1e-3  # [s]
 LIMIT = 150.0  # [N.m]
@@ -243,3 +244,19 @@ def test_evidence_reads_back_and_speaks_for_every_cause() -> None:
 def test_a_run_without_ticks_has_no_clear_cause() -> None:
     cause, evidence = Witness(DT).verdict(np.full(4, LIMIT))
     assert cause is Cause.UNCLEAR and json.loads(evidence.to_json())["torque_share"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "fades"),
+    [
+        ({"plant.ground.slope": 0.015}, True),  # falls in step 14
+        ({"plant.ground.slope": 0.012}, False),  # settles at less energy, and walks 60 steps
+        ({"pushes.0.force": 15.0, "pushes.0.step": 1}, False),  # comes back to the gait from above
+    ],
+)
+def test_a_survivor_is_marked_when_its_energy_runs_out_and_not_when_it_settles(changes, fades) -> None:
+    scenario = with_values(load("undisturbed"), {"plant.kind": "rigid", "plant.timestep": 1e-3, "steps": 10, **changes})
+    witness = Witness(scenario.controller.period)
+    summary = run_scenario(scenario, tape=witness, belief=known_belief(scenario.walker, scenario.gait))
+    assert summary.outcome == "completed"
+    assert fading(witness, scenario) is fades

@@ -16,10 +16,10 @@ import numpy as np
 
 from sim.bridge.run import build_rig
 from sim.errors import UserError
-from sim.interface import COORDINATES, JOINTS, ControlStep, Observation, PlantState, Vector
+from sim.interface import JOINTS, ControlStep, Observation, PlantState, Vector
 from sim.loop import RunSummary, Stop
 from sim.loop.tape import EachTick
-from sim.plant import MujocoPlant, RigidPlant
+from sim.plant import Energy, MujocoPlant, RigidPlant
 from sim.plant import rigid_equations as equations
 from sim.plant.rigid_walker import PinnedWalker
 from sim.plant.rows import FORCE
@@ -99,8 +99,7 @@ class Audit(EachTick):
         if not self._rigid and model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
             raise UserError('plant.integrator = "RK4": --audit needs one without inner steps, such as "implicitfast"')
         self._data = mujoco.MjData(model)  # of its own, for energies and impact maps
-        self._hip = [int(model.jnt_qposadr[model.joint(name).id]) for name in ("hip_x", "hip_z")]
-        self._q = [int(model.jnt_qposadr[model.joint(name).id]) for name in COORDINATES]
+        self._energies = Energy(model, self._data)
         self._joints = [int(model.jnt_dofadr[model.joint(name).id]) for name in JOINTS]
         self._damping = np.array(model.dof_damping)
         self._h = float(model.opt.timestep)
@@ -246,7 +245,7 @@ class Audit(EachTick):
         walker = PinnedWalker(self._plant.model, self._data, self._plant.legs, np.zeros(0, FORCE))
         walker.leg = ("left", "right").index(stance)
         equations.place(walker.work, q, dq)
-        return self._of_data()[1]
+        return self._energies.now()[1]
 
     def _point(self, state: PlantState, body: str, point: tuple[float, float]) -> Vector:
         """Where a point of a link is, (x, z) in [m]."""
@@ -257,27 +256,11 @@ class Audit(EachTick):
         return found
 
     def _place(self, state: PlantState) -> None:
-        data = self._data
-        data.qpos[self._hip], data.qpos[self._q] = state.hip, state.q
-        data.qvel[self._hip], data.qvel[self._q] = state.dhip, state.dq
-        mujoco.mj_kinematics(self._plant.model, data)
-        mujoco.mj_comPos(self._plant.model, data)
+        self._energies.place(state.q, state.dq, state.hip, state.dhip)
 
     def _energy(self, state: PlantState) -> float:
         """Potential and kinetic energy in [J]."""
-        self._place(state)
-        return sum(self._of_data())
-
-    def _of_data(self) -> tuple[float, float]:
-        model, data = self._plant.model, self._data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_crb(model, data)
-        mujoco.mj_energyPos(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_energyVel(model, data)
-        potential, kinetic = data.energy.tolist()
-        return potential, kinetic
+        return self._energies.about(state.q, state.dq, state.hip, state.dhip, 0.0)
 
 
 def audited(scenario: Scenario, *, stop: Stop | None = None) -> tuple[RunSummary, Findings]:

@@ -158,6 +158,7 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
     from sim.terminal.interrupt import stop_on_signal
     from sim.terminal.progress import walking
     from sim.trials.falls.witness import Witness
+    from sim.trials.run.trial import fading
 
     witness = Witness(scenario.controller.period)
     prints = (
@@ -168,6 +169,8 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
             scenario, log=log, progress=show, stop=stop, announce=console.note, view=view, tape=witness
         )
     why = witness.story(summary.torque_limit_Nm) if summary.outcome == Outcome.FELL.value else ""
+    if summary.outcome == Outcome.COMPLETED.value and fading(witness, scenario):
+        why = "it loses energy step by step, and would stop if it went on"
     print_summary(summary, scenario, json=json, why=why)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
@@ -175,7 +178,7 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
 
 
 def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool, why: str = "") -> None:
-    """Print a summary as a table, or as one JSON object; `why`: what broke in a run that fell."""
+    """Print a summary as a table, or as one JSON object; `why`: what broke, or is about to."""
     from sim.terminal.summary import as_json, as_table
 
     if json:

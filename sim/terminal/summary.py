@@ -31,7 +31,7 @@ def as_table(summary: RunSummary, scenario: Scenario, why: str = "") -> Table:
     Args:
         summary: What came out.
         scenario: What was run.
-        why: What broke in a run that fell.
+        why: What broke in a run that fell, or is about to in one that walked on.
     """
     table = Table(title=f"{scenario.name}, {scenario.controller.kind}", show_header=False, title_justify="left")
     table.add_column(style="dim", no_wrap=True)
@@ -46,7 +46,7 @@ def _rows(summary: RunSummary, scenario: Scenario, why: str) -> list[tuple[str, 
     assumed = scenario.controller.friction
     rows = [
         ("outcome", _outcome(summary)),
-        *([("why", why)] if why else []),
+        *([("why" if summary.fall_reason else "but", why)] if why else []),
         ("steps", f"{summary.steps} of {scenario.steps} in {summary.time_s:.2f} s"),
         ("step time", _number(summary.step_time_s, "{:.3f} s")),
         ("step length", _number(summary.step_length_m, "{:.3f} m")),

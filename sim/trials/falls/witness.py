@@ -14,14 +14,17 @@ looked at. Where it is too small to matter by itself (`WEAK`, `BEHIND`, `OFF`) t
 
 import dataclasses
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interface import JOINTS, Vector
+from sim.interface import JOINTS, Rows, Vector
 from sim.loop import NoTape, Ticks
+from sim.plant import Energy
 from sim.trials.falls.cause import Cause, Evidence, sentence
 
 KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than the time after which a run is stalled
@@ -44,7 +47,6 @@ AT_ONCE = 0.1  # [s] within which a foot that began in the ground explains a fal
 EARLY = 0.85  # of the normalised clock, below which a landing is too early
 STUCK = 1.5  # [s] without a step
 FADES = 3  # steps in a row that lose energy
-SETTLES = 0.9  # a settling walk loses in the last of them less than this share of what it lost in the first
 SOON = 1.0  # [s] after the start within which a fall can be that of a foot that began in the ground
 
 WEAK = 0.6  # part of the torque asked for that a joint gets, below which its motor counts as failing
@@ -83,8 +85,9 @@ class Witness(NoTape):
         self._t = 0.0  # [s]
         self._s = self._landed_s = 1.0
         self._sunk = 0.0  # [m]
-        self._clock = 0.0  # [rad/s]
-        self._landings: list[float] = []  # [rad/s] of the clock before each
+        self._last: Rows | None = None  # the last state, a row of `STATE`
+        self._slowest: Rows | None = None  # of the step so far
+        self._steps: deque[_Step] = deque(maxlen=FADES + 1)
 
     def ticks(self, ticks: Ticks) -> None:
         """Remember some."""
@@ -105,25 +108,35 @@ class Witness(NoTape):
         )  # fmt: skip
         self._ticks += n
         self._t, self._s = float(t[-1]), float(step["s"][-1])
-        self._clock = float(step["dtheta"][-1])
+        self._last = state[-1:].copy()
+        slowest = int(state["dhip"][:, 0].argmin())
+        if self._slowest is None or state["dhip"][slowest, 0] < self._slowest["dhip"][0, 0]:
+            self._slowest = state[slowest : slowest + 1].copy()
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Follow the stance foot from landing to landing."""
         if name == "impact":
+            if self._last is not None and self._slowest is not None:
+                height = float(self._last["foot"][0, self._stance, 1])
+                self._steps.append(_Step(slowest=self._slowest, last=self._last, height=height))
+                self._slowest = None
             self._stance = 1 - self._stance
             self._landed, self._due, self._landed_s = self._t + self._period, math.inf, self._s
-            self._landings.append(self._clock)
 
-    @property
-    def fading(self) -> bool:
+    def fading(self, energy: Energy) -> bool:
         """Whether the walk loses energy step by step, so that it would stop if it went on.
 
-        Before each landing the posture is the same but for errors, and the clock's rate stands for the energy. It
-        must be lower at each of the last landings than at the one before, and not fall ever more slowly, as it does
-        where a walk settles.
+        The energy before each landing, heights counted from the stance foot, is lower than before the landing before;
+        and what is left of the motion where a step is slowest, followed on as a geometric series, runs out.
+
+        Args:
+            energy: By the plant's model.
         """
-        falls = -np.diff(self._landings[-FADES - 1 :])
-        return len(falls) == FADES and bool((falls > 0.0).all() and falls[-1] >= SETTLES * falls[0])
+        if len(self._steps) <= FADES:
+            return False
+        before = [energy.about(*_state(step.last), step.height) for step in self._steps]
+        left = [energy.kinetic(*_state(step.slowest)) for step in list(self._steps)[-3:]]
+        return all(b < a for a, b in pairwise(before)) and _limit(*left) <= 0.0
 
     def verdict(self, limits: Vector) -> tuple[Cause, Evidence]:
         """What broke, in a run that fell.
@@ -142,6 +155,27 @@ class Witness(NoTape):
             limits: Largest torque in [N.m] by joint.
         """
         return sentence(*self.verdict(np.array([limits.get(joint, math.inf) for joint in JOINTS])))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Step:
+    """A step: where it was slowest and just before it landed, rows of `STATE`, and its stance foot's height in [m]."""
+
+    slowest: Rows
+    last: Rows
+    height: float
+
+
+def _state(row: Rows) -> tuple[Vector, Vector, Vector, Vector]:
+    return row["q"][0], row["dq"][0], row["hip"][0], row["dhip"][0]
+
+
+def _limit(a: float, b: float, c: float) -> float:
+    """Where a series goes of which these are three consecutive values, if it is a geometric one (Aitken)."""
+    if a == b:
+        return c
+    ratio = (c - b) / (b - a)
+    return math.copysign(math.inf, c - b) if ratio >= 1.0 else c + (c - b) * ratio / (1.0 - ratio)
 
 
 def verdict(rows: Vector, sunk: float, period: float, limits: Vector) -> tuple[Cause, Evidence]:

@@ -33,7 +33,8 @@ class TrialResult:
         outcome: "completed", "fell", "error" for an exception or a lost process, or "gave up" for a trial that was
             stopped at its wall limit; the last two are no result.
         survived: Whether the steps asked for were completed.
-        fading: Whether it survived, but lost energy at each of its last steps: it would stop if it went on.
+        fading: Whether it survived, but lost energy about the stance foot at each of its last steps, so that it would
+            stop if it went on.
         message: Detail of an error.
         peak_torque_max_Nm: Largest applied torque of any joint in [N.m].
         torque_share_max: Largest share of a joint's limit that was applied.

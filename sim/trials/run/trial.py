@@ -19,6 +19,7 @@ from controller.common.settings import BUILT_IN
 from sim.errors import UserError
 from sim.interface import JOINTS
 from sim.loop import Outcome, RunSummary, Tape
+from sim.plant import Energy
 from sim.scenario import Scenario
 from sim.trials.falls.witness import Witness
 from sim.trials.plan import GridStudy, MarginStudy, Plan
@@ -129,13 +130,20 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         witness = Witness(scenario.controller.period)
         summary, log = _run(scenario, spec, began + plan.wall_limit, witness)
         found = figures_of(summary) | _cause(summary, witness) | {"log": log}
-        found["fading"] = bool(found["survived"]) and witness.fading
+        found["fading"] = bool(found["survived"]) and fading(witness, scenario)
     except Exception as error:
         if _disk_full(error):
             raise UserError(f"{spec.logs}: the disk is full; free some and give the same command again") from error
         failed = result_without_run(spec, ERROR, f"{type(error).__name__}: {error}")
         return dataclasses.replace(failed, wall_s=time.perf_counter() - began, log=_kept_log(spec))
     return TrialResult(**_identity(spec), **found, wall_s=time.perf_counter() - began)
+
+
+def fading(witness: Witness, scenario: Scenario) -> bool:
+    """Whether the walk of a scenario loses energy step by step, by its plant's own model."""
+    from sim.bridge.run import build_plant
+
+    return witness.fading(Energy(build_plant(scenario).model))
 
 
 def result_without_run(spec: TrialSpec, outcome: str, message: str) -> TrialResult:
