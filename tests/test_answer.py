@@ -21,6 +21,7 @@ FALLS = {
     "start": {"start.torso_lean": 0.9, "controller.kind": "zd-pd"},
     "later": {"start.torso_lean": -1.1},
     "push": {"pushes.0.force": 150.0, "pushes.0.step": 1, "controller.kind": "zd-pd"},
+    "landed": {"pushes.0.force": 25.0, "pushes.0.step": 2, "controller.kind": "zd-pd"},
     "downhill": {"plant.ground.slope": -0.15},
     "backward": {"pushes.0.force": -120.0, "pushes.0.step": 1, "controller.kind": "zd-pd"},
 }

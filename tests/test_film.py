@@ -10,6 +10,9 @@ import pytest
 
 from sim.bridge.run import run_scenario
 from sim.cli import main
+from sim.log.read import read_log
+from sim.review.film.film import AROUND, _moments
+from sim.review.film.story import Story
 from sim.scenario import load, with_values
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -70,6 +73,64 @@ def test_long_rough_ground_hides_nothing(tmp_path):
     assert count(picture(tmp_path / "a.png"), 230, 107, 26) > 50
 
 
+@pytest.fixture(scope="module")
+def fall(tmp_path_factory):
+    path = tmp_path_factory.mktemp("fall") / "run.mcap"
+    run_scenario(with_values(load("undisturbed"), {"controller.kind": "zd-pd", "start.torso_lean": 0.9}), log=path)
+    return path
+
+
+def test_a_still_holds_many_walkers_and_two_runs_stand_side_by_side(path, fall, tmp_path):
+    pytest.importorskip("PIL")
+    for words in (["one.png", "--start", 0.3], ["many.png", "--strobe", 4], ["two.png"]):
+        logs = [path, fall] if words[0] == "two.png" else [path]
+        done = film(*logs, tmp_path / words[0], *words[1:], "--plain", *SIZE)
+        assert done.returncode == 0, done.stderr
+
+    def orange(pixels):  # faded too
+        red, green, blue = np.moveaxis(pixels, 2, 0)
+        return int(((red - blue > 50) & (red > green) & (green > blue)).sum())
+
+    one, many, two = (picture(tmp_path / name) for name in ("one.png", "many.png", "two.png"))
+    assert orange(many) > 1.5 * orange(one) > 50
+    assert all(orange(half) > 50 for half in np.array_split(two, 2, axis=1))
+
+
+def test_a_story_tells_time_step_push_limits_and_fall(path, fall):
+    story = Story(read_log(path))
+    moment = story.at(0.1)
+    assert (moment.t, moment.step, moment.push, moment.fall, moment.end) == (0.1, 1, pytest.approx(40.0), "", "")
+    assert {"left hip", "right knee", "friction"} <= set(moment.shares)
+    assert max(story.at(t).shares["left hip"] for t in np.arange(0.0, 0.3, 0.001)) <= 1.0 + 1e-9
+    story = Story(read_log(fall))
+    assert story.at(story.began - 1e-3).fall == "" and story.at(story.began).fall
+    late = story.at(story.end + 1.0)
+    assert (late.t, late.end) == (story.end, "fell")
+
+
+def test_bars_turn_red_at_a_limit_and_a_push_is_told(path):
+    pytest.importorskip("PIL")
+    from sim.review.film.caption import Captions
+    from sim.review.film.story import Moment
+
+    white = np.full((360, 640, 3), 255, np.uint8)
+
+    def drawn(push, share):
+        moment = Moment(t=1.0, step=2, push=push, shares={"left hip": share}, fall="", end="")
+        return Captions("a", (640, 360)).over(white, moment, 1.0).astype(int)
+
+    assert count(drawn(0.0, 1.0)[180:], 200, 68, 47) > 300 > count(drawn(0.0, 0.5)[180:], 200, 68, 47)
+    assert count(drawn(40.0, 0.5)[:180], 200, 68, 47) > 100 > count(drawn(0.0, 0.5)[:180], 200, 68, 47)
+
+
+def test_slow_motion_is_around_the_onset():
+    quick = _moments(0.0, 2.0, 50.0, 1.0, 1.0, 1.0)
+    slow = _moments(0.0, 2.0, 50.0, 1.0, 1.0, 0.25)
+    assert len(quick) == 101 and len(slow) == pytest.approx(101 + 3 * 50 * 2 * AROUND, abs=5)
+    assert {speed for t, speed in slow if abs(t - 1.0) < AROUND} == {0.25}
+    assert {speed for t, speed in slow if abs(t - 1.0) > AROUND + 0.02} == {1.0}
+
+
 @pytest.mark.parametrize("kind", ["mp4", "gif"])
 def test_a_film_has_every_picture(path, tmp_path, kind):
     pytest.importorskip("PIL" if kind == "gif" else "imageio_ffmpeg")
@@ -96,6 +157,9 @@ def test_without_opengl_the_packages_are_named(path, tmp_path):
         (["a.png", "--fps", "0"], "--fps 0 1/s"),
         (["a.png", "--size", "5", "9999999"], "each must be within"),
         (["a.png", "--speed", "-1"], "--speed -1"),
+        (["a.png", "--slow", "0"], "--slow 0"),
+        (["a.png", "--strobe", "1"], "--strobe 1: must be within 2 and 40"),
+        (["a.mp4", "--strobe", "3"], "must end in .png"),
         ([], "the file to write"),
     ],
 )

@@ -32,7 +32,7 @@ def recorded_verdict(run: Run) -> tuple[Cause, Evidence] | None:
     touches = np.column_stack([state[f"contact.{leg}"][:n] != 0 for leg in LEGS]) | (clearance < -SUNK)
     feet = np.column_stack([state[f"foot.{leg}.x"][:n] for leg in LEGS])
     landings = [event.t for event in run.events if event.name == "impact"]
-    step = np.searchsorted(landings, t - 0.5 * period)  # landings so far
+    step = np.searchsorted(landings, t + 0.5 * period)  # landings so far; one is told before the tick it falls on
     stance = step % 2  # runs start on the left leg
     landed = np.concatenate(([0.0], landings))[step]
     rows = np.column_stack(
