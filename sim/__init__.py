@@ -19,22 +19,21 @@ if TYPE_CHECKING:
     __version__: str
     from controller.common.errors import UserError
     from controller.common.records import Controller, ControlStep, Observation
-    from sim.api import run, run_trials, write_review
-    from sim.log.read.frames import Run as Log
-    from sim.log.read.frames import load as read
+    from sim.api import read, run, run_trials, write_review
     from sim.loop import RunSummary as Summary
+    from sim.review.shown import Log
     from sim.scenario import Scenario, load, with_value, with_values
 
 _HOMES = {
     "Controller": ("controller.common.records", "Controller"),
     "ControlStep": ("controller.common.records", "ControlStep"),
-    "Log": ("sim.log.read.frames", "Run"),
+    "Log": ("sim.review.shown", "Log"),
     "Observation": ("controller.common.records", "Observation"),
     "Scenario": ("sim.scenario", "Scenario"),
     "Summary": ("sim.loop", "RunSummary"),
     "UserError": ("controller.common.errors", "UserError"),
     "load": ("sim.scenario", "load"),
-    "read": ("sim.log.read.frames", "load"),
+    "read": ("sim.api", "read"),
     "run": ("sim.api", "run"),
     "run_trials": ("sim.api", "run_trials"),
     "with_value": ("sim.scenario", "with_value"),

@@ -1,22 +1,42 @@
 """The functions of the public face, which `import sim` hands on."""
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from controller.common import outside
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
 from sim.log.read import salvage
 from sim.loop import RunSummary
+from sim.review import shown
 from sim.review.page import write_page
+from sim.review.shown import Log
 from sim.scenario import Scenario, load, with_value
 from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import from_toml
 from sim.trials.run import Results, run_plan
 
+P = ParamSpec("P")
+T = TypeVar("T")
 
+
+def one_level(function: Callable[P, T]) -> Callable[P, T]:
+    """Show a user's mistake as one error, without what led to it inside."""
+
+    @functools.wraps(function)
+    def asked(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            return function(*args, **kwargs)
+        except UserError as error:
+            raise error.with_traceback(None) from None
+
+    return asked
+
+
+@one_level
 def run(scenario: Scenario | str, *, controller: Any = None, log: Path | str | None = None) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -38,6 +58,7 @@ def run(scenario: Scenario | str, *, controller: Any = None, log: Path | str | N
     return run_scenario(wanted, log=Path(log) if log is not None else None)
 
 
+@one_level
 def run_trials(
     plan: Plan | str,
     out: Path | str | None = None,
@@ -66,6 +87,20 @@ def run_trials(
     return run_plan(plan, out, workers=workers)
 
 
+@one_level
+def read(path: Path | str) -> Log:
+    """A log as frames: topic -> columns by dotted field name; in a notebook it shows itself.
+
+    Args:
+        path: The MCAP file.
+
+    Raises:
+        UserError: it cannot be read or is damaged.
+    """
+    return shown.read(path)
+
+
+@one_level
 def write_review(log: Path | str, page: Path | str, *, other: Path | str | None = None) -> None:
     """Make one page from a log, or from two for comparison.
 

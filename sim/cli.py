@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from sim.errors import UserError
 from sim.terminal.output import with_output
+from sim.terminal.pulse import PULSE
 
 COMMANDS = {
     "run": "Run one scenario, show its summary and leave a log.",
@@ -26,7 +27,25 @@ COMMANDS = {
     "basin": "Basin of attraction of both controllers over torso offset and first-step force.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
     "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",
+    "new": "Write a scenario, a plan or a controller to start from, with comments.",
+    "doctor": "Say what is installed, what is missing, and what the machine can do.",
+    "completion": "Print the completion of commands and options for a shell.",
 }
+
+FIRST = """\
+first
+  cmpc run                                     RABBIT walks; 25 N push it in step 2
+  cmpc run push-40N-first --controller zd-pd   without the MPC: it falls, and says why
+  cmpc review RUN.mcap                         a run as a page: animation, plots, events
+  cmpc trials pushes --out campaigns/pushes    how much does it hold? hundreds of runs, one page
+
+your own
+  cmpc new controller mine.py                  then: cmpc run --controller ./mine.py
+  cmpc new scenario mine.toml                  then: cmpc run mine.toml
+  cmpc walker new my-biped --urdf FILE.urdf    any five-link biped as published
+
+cmpc COMMAND --help shows a command's options; cmpc doctor says whether something is missing.
+"""
 
 EXIT_USER_ERROR = 2
 EXIT_INTERRUPTED = 130
@@ -63,7 +82,7 @@ def _run(argv: Sequence[str]) -> int:
         prog="cmpc",
         usage="cmpc COMMAND [options]",
         description="Cascaded MPC for the five-link biped RABBIT, walking in MuJoCo.",
-        epilog="cmpc COMMAND --help shows the options of a command, cmpc --version the version.",
+        epilog=FIRST,
     )
     parser.add_argument("--version", action="store_true", help="print the version")
     commands = parser.add_subparsers(title="commands", metavar="", prog="cmpc")
@@ -72,6 +91,11 @@ def _run(argv: Sequence[str]) -> int:
             importlib.import_module(f"sim.commands.{name}").add_parser(commands, argv[1:])
         else:
             commands.add_parser(name, help=line)
+    if not argv:
+        print(f"{parser.description}\n\n{FIRST}\ncommands")
+        for name, line in COMMANDS.items():
+            print(f"  {name:<12}{line}")
+        return 0
     try:
         found = parser.parse(argv)
     except SystemExit:  # --help
@@ -84,4 +108,6 @@ def _run(argv: Sequence[str]) -> int:
     if "run" not in found:
         found.parser.print_help()
         return 0
-    return int(found.run(found))
+    silent = getattr(found, "quiet", False) or getattr(found, "json", False)
+    with PULSE.hushed() if silent else PULSE.beating(found.parser.prog):
+        return int(found.run(found))

@@ -203,7 +203,7 @@ def test_a_second_signal_does_not_wait(run, capsys):
 
 def test_help_shows_every_setting_with_its_unit_and_the_scenarios_own_values(run, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "400")
-    assert call("friction-50N", "--help") == 0
+    assert call("friction-50N", "--help-all") == 0
     out = capsys.readouterr().out
     lines = {line.split()[0].rstrip(","): line for line in out.splitlines() if line.startswith("  --")}
     for row in settings_table():

@@ -24,11 +24,11 @@ from sim.scenario import (
 )
 from sim.scenario.per_link import BodyFactors, JointFactors
 from sim.settings import tree as settings
-from sim.settings.spec import specs
+from sim.settings.spec import LARGEST, specs
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
-not_negative = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)
-positive = st.floats(min_value=0.0, exclude_min=True, allow_nan=False, allow_infinity=False)
+finite = st.floats(-LARGEST, LARGEST)
+not_negative = st.floats(0.0, LARGEST)
+positive = st.floats(0.0, LARGEST, exclude_min=True)
 text = st.text(st.characters(exclude_categories=["Cs"]))
 bodies = st.sampled_from(["torso", "left_femur", "left_tibia", "right_femur", "right_tibia"])
 
@@ -67,7 +67,7 @@ def scenarios(draw):
         plant=PlantSettings(
             timestep=period / substeps,
             integrator=draw(st.sampled_from(["implicitfast", "RK4", "implicit", "Euler"])),
-            ground=GroundSettings(friction=draw(not_negative), slope=draw(st.floats(-1.5, 1.5))),
+            ground=GroundSettings(friction=draw(st.floats(0.0, 100.0)), slope=draw(st.floats(-1.5, 1.5))),
             mass_factor=draw(some(BodyFactors, positive)),
             damping_factor=draw(some(JointFactors, not_negative)),
         ),
@@ -189,7 +189,7 @@ BAD = {
     "[plant.mass_factor]\ntorso = 0": ["plant.mass_factor.torso = 0", "above 0", "[ratio]"],
     "[plant.mass_factor]\ntorso = nan": ["plant.mass_factor.torso = nan", "[ratio]"],
     "[plant.torque_limit_factor]\nleft_hip = -1": ["plant.torque_limit_factor.left_hip = -1", "0 or above"],
-    "[plant.ground]\nfriction = -0.1": ["plant.ground.friction = -0.1", "0 or above"],
+    "[plant.ground]\nfriction = -0.1": ["plant.ground.friction = -0.1", "between 0 and 100"],
     "[plant.ground]\nslope = 2.0": ["plant.ground.slope = 2.0 rad", "pi/2", "[rad]"],
     "[controller]\nhorizon = 0": ["controller.horizon = 0 ticks", "1 or above"],
     "[controller]\nperiod = inf": ["controller.period = inf s", "above 0"],

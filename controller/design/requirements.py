@@ -155,7 +155,7 @@ def margins(model: WalkerModel, gait: Gait, orbit: Orbit, need: Requirements) ->
         ),
         Margin(
             name="stance foot's friction",
-            unit="N beyond the cone",
+            unit="N inside the cone",
             scale=weight,
             values=np.concatenate([need.friction * normal - tangential, need.friction * normal + tangential]),
             legal=f"|F_T / F_N| up to {need.friction:g}",

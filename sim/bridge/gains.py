@@ -80,6 +80,9 @@ def search_gains(
             "eigenvalues": list(its.eigenvalues),
             "torque_excess": its.torque_excess,
         }
+    if result["found"]["score"] > result["start"]["score"]:  # a start outside the bounds that was moved into them
+        say("nothing better than the start was found: the start is kept")
+        result["found"] = result["start"]
     gait_file.write(out, _scenario(WalkerFolder.find(walker), known_belief.path, result, period))
     return result
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from sim.commands.options import add_out
 from sim.settings import flags
-from sim.terminal.console import note
+from sim.terminal.console import next_step, note
 
 SEARCH = """\
 K_P and K_D that minimise the largest eigenvalue of the sampled closed loop's Poincare map; seeded and resumable. The
@@ -24,12 +24,12 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     search.set_defaults(run=_search)
     search.add_argument("--walker", default="rabbit", metavar="NAME|FOLDER", help="default: rabbit")
     search.add_argument("--gait", default="paper-polished", metavar="NAME|FILE.toml", help="default: paper-polished")
-    for flag, unit in (("--kp", "1/S^2"), ("--kd", "1/S")):
+    for flag, unit in (("--kp", "1/s^2"), ("--kd", "1/s")):
         search.add_argument(
             flag, type=flags.real(above=0.0), nargs=4, default=[20.0] * 4, metavar=unit, help="start (default: 20)"
         )
     text = "sampling period (default: 0.001)"
-    search.add_argument("--period", type=flags.real(above=0.0, most=0.02), default=1e-3, metavar="S", help=text)
+    search.add_argument("--period", type=flags.real(above=0.0, most=0.02), default=1e-3, metavar="s", help=text)
     search.add_argument("--evaluations", type=flags.whole(1), default=300, metavar="INT", help="in all (default: 300)")
     add_out(search)
 
@@ -57,6 +57,7 @@ def _search(found: Namespace) -> int:
         sizes = ", ".join(f"{x:.4f}" for x in row["eigenvalues"][:4]) or "does not walk"
         print(f"       eigenvalues {sizes}, ...; torque beyond limits when disturbed: {row['torque_excess']:.1%}")
     print(found.out)
+    next_step(f"cmpc run {found.out}")
     return 0
 
 

@@ -18,19 +18,19 @@ exit code: 0, 1 for a gait that fails its check, 2 for bad input or a request th
 """
 
 REQUIREMENTS = {
-    "clearance": ("M", "height in mid-step of the bump the swing foot stays above"),
-    "friction": ("RATIO", "largest |F_T / F_N| in stance and at the impact"),
-    "normal_share": ("RATIO", "smallest stance force by the walker's weight"),
-    "torque_share": ("RATIO", "largest torque by the joint's limit"),
-    "knee_min": ("RAD", "most bent knee"),
-    "knee_max": ("RAD", "straightest knee"),
-    "torso_max": ("RAD", "largest lean of the torso either way"),
-    "touch_down": ("M/S", "slowest rate of the swing foot before the impact, downward"),
-    "eigenvalue_max": ("RATIO", "largest delta^2 of the restricted Poincare map"),
-    "transverse_max": ("RATIO", "largest eigenvalue of the output errors under the gains"),
-    "kp": ("1/S^2", "the gains K_P meant"),
-    "kd": ("1/S", "the gains K_D meant"),
-    "reserve": ("RATIO", "smallest zeta along the step by zeta before impact"),
+    "clearance": ("m", "height in mid-step of the bump the swing foot stays above"),
+    "friction": ("ratio", "largest |F_T / F_N| in stance and at the impact"),
+    "normal_share": ("ratio", "smallest stance force by the walker's weight"),
+    "torque_share": ("ratio", "largest torque by the joint's limit"),
+    "knee_min": ("rad", "most bent knee"),
+    "knee_max": ("rad", "straightest knee"),
+    "torso_max": ("rad", "largest lean of the torso either way"),
+    "touch_down": ("m/s", "slowest rate of the swing foot before the impact, downward"),
+    "eigenvalue_max": ("ratio", "largest delta^2 of the restricted Poincare map"),
+    "transverse_max": ("ratio", "largest eigenvalue of the output errors under the gains"),
+    "kp": ("1/s^2", "the gains K_P meant"),
+    "kd": ("1/s", "the gains K_D meant"),
+    "reserve": ("ratio", "smallest zeta along the step by zeta before impact"),
 }
 """Fields of `controller.design.requirements.Requirements` that are flags; a test holds both together."""
 
@@ -45,9 +45,11 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
         help="make a gait from nothing",
         description="The cheapest gait that keeps the requirements, the same bytes every time.",
     )
-    design.add_argument("--step-length", type=float, required=True, metavar="M")
-    design.add_argument("--speed", type=float, metavar="M/S", help="mean speed; give this or --step-time")
-    design.add_argument("--step-time", type=flags.real(above=0.0), metavar="S")
+    design.add_argument("--step-length", type=flags.real(above=0.0), required=True, metavar="m")
+    design.add_argument(
+        "--speed", type=flags.real(above=0.0), metavar="m/s", help="mean speed; give this or --step-time"
+    )
+    design.add_argument("--step-time", type=flags.real(above=0.0), metavar="s")
     _add_design(design)
     text = "what is least (default: torque)"
     design.add_argument("--cost", choices=("torque", "work"), default="torque", help=text)
@@ -86,9 +88,13 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
         help="a grid of gaits over step length and speed",
         description="Design a grid of gaits into the walker's gaits/; those that are there stay.",
     )
-    library.add_argument("--step-lengths", type=float, nargs="+", default=[0.4], metavar="M", help="default: 0.4")
+    library.add_argument(
+        "--step-lengths", type=flags.real(above=0.0), nargs="+", default=[0.4], metavar="m", help="default: 0.4"
+    )
     speeds = [0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1]
-    library.add_argument("--speeds", type=float, nargs="+", default=speeds, metavar="M/S", help="default: 0.5 ... 1.1")
+    library.add_argument(
+        "--speeds", type=flags.real(above=0.0), nargs="+", default=speeds, metavar="m/s", help="default: 0.5 ... 1.1"
+    )
     _add_design(library)
     library.add_argument("--workers", type=flags.whole(1), default=2, metavar="INT", help="processes (default: 2)")
     library.add_argument("--fresh", action="store_true", help="design all of them again")
@@ -213,6 +219,9 @@ def _judge(made: Any, changes: dict[str, Any], found: Namespace, extra: dict[str
         print(json.dumps(_as_dict(made, report) | (extra or {})))
     else:
         _print(made, report)
+        if report.passed and extra:
+            walker = f" --walker {found.walker}" if found.walker not in (None, "rabbit") else ""
+            console.next_step(f"cmpc run undisturbed --gait {made.path}{walker}")
     return 0 if report.passed else 1
 
 

@@ -13,6 +13,25 @@ from sim.errors import UserError
 from sim.scenario import Scenario, load, with_value
 from sim.settings import flags
 
+ESSENTIAL = (
+    "steps",
+    "seed",
+    "walker",
+    "gait",
+    "controller.kind",
+    "controller.horizon",
+    "controller.friction",
+    "plant.kind",
+    "plant.ground.friction",
+    "plant.ground.slope",
+    "plant.mass_factor.torso",
+    "pushes.0.force",
+    "pushes.0.step",
+    "sensors.angle_noise",
+    "actuation.latency",
+)
+"""Settings that the short help shows."""
+
 
 def add_out(parser: argparse.ArgumentParser) -> None:
     """The options of a search: where its result goes, and in which form it is printed."""
@@ -72,7 +91,10 @@ def add_scenario(
     )
     parser.add_argument("scenario", nargs="?", metavar="NAME|FILE.toml", help=f"{text} (default: {default})")
     own = parser.add_argument_group("options")
-    own.add_argument("-h", "--help", action="store_true", help="show the options, with the scenario's values")
+    own.add_argument(
+        "-h", "--help", action="store_true", help="show the options that matter most, with the scenario's values"
+    )
+    own.add_argument("--help-all", action="store_true", help="show every setting as well, by what it belongs to")
     flags.add_settings(parser, with_controller(scenario or Scenario(), argv), argv)
     parser.set_defaults(argv=argv)
     return parser, own
@@ -101,12 +123,24 @@ def show_help(add_parser: Callable[..., None], found: argparse.Namespace, scenar
 
     Args:
         add_parser: Adds the command's parser for `(commands, argv, scenario)`.
-        found: What was parsed.
+        found: What was parsed: `help` shows the settings of `ESSENTIAL`, `help_all` every one.
         scenario: Whose values are shown.
     """
     commands = flags.Parser(prog="cmpc").add_subparsers(prog="cmpc")
     add_parser(commands, found.argv, scenario)
-    next(iter(commands.choices.values())).print_help()
+    parser = next(iter(commands.choices.values()))
+    if not found.help_all:
+        for action in parser._actions:
+            path = action.dest.removeprefix(flags.PREFIX)
+            if action.dest.startswith(flags.PREFIX) and path not in (*ESSENTIAL, *_own(path)):
+                action.help = argparse.SUPPRESS
+        parser.epilog = f"{parser.epilog}\nmore settings: cmpc {next(iter(commands.choices))} --help-all"
+    parser.print_help()
+
+
+def _own(path: str) -> tuple[str, ...]:
+    """The path itself where it is a setting of a controller from outside, of which there are few."""
+    return (path,) if path.startswith("controller.settings.") else ()
 
 
 def scenario_of(found: argparse.Namespace, default: str, add_parser: Callable[..., None]) -> Scenario | None:
@@ -116,7 +150,7 @@ def scenario_of(found: argparse.Namespace, default: str, add_parser: Callable[..
         UserError: the scenario, or a flag, is not legal.
     """
     scenario = load(found.scenario or default)
-    if found.help:
+    if found.help or found.help_all:
         show_help(add_parser, found, scenario)
         return None
     return flags.apply(scenario, found)

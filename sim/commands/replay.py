@@ -1,5 +1,6 @@
 """`cmpc replay`: run a log again from itself, as it was or with a change."""
 
+import shlex
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from sim.commands.options import add_json, add_quiet, with_controller
 from sim.commands.run import check_new_log, default_log, print_summary
 from sim.scenario import Scenario
 from sim.settings import flags
-from sim.terminal.console import note
+from sim.terminal.console import next_step, note
 
 if TYPE_CHECKING:
     from sim.log.read import Log
@@ -125,4 +126,6 @@ def _rerun(log: "Log", changed: Scenario, target: Path | None, *, quiet: bool, j
     with stop_on_signal() as stop, walking(changed.steps, quiet=quiet or json) as show:
         summary = rerun(log, changed, path, progress=show, stop=stop, announce=note)
     print_summary(summary, changed, json=json)
+    if not json:
+        next_step(f"cmpc review {shlex.quote(str(log.path))} {shlex.quote(str(path))}", "both runs on one page")
     return 128 + stop.signum if stop.signum else 0

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import os
 import re
+import shlex
 import sys
 import tempfile
 from argparse import Namespace
@@ -74,7 +75,7 @@ def _run(found: Namespace) -> int:
         _print_list()
         return 0
     scenario = _scenario(found)
-    if found.help:
+    if found.help or found.help_all:
         show_help(add_parser, found, scenario)
         return 0
     scenario = flags.apply(scenario, found)
@@ -172,9 +173,20 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
     if summary.outcome == Outcome.COMPLETED.value and fading(witness, scenario):
         why = "it loses energy step by step, and would stop if it went on"
     print_summary(summary, scenario, json=json, why=why)
+    if log is not None and not json:
+        _say_next(summary.outcome == Outcome.FELL.value, scenario, log)
     if summary.outcome == Outcome.INTERRUPTED.value:
         return 128 + stop.signum if stop.signum else 1
     return 1 if summary.outcome == Outcome.ERROR.value else 0
+
+
+def _say_next(fell: bool, scenario: Scenario, log: Path) -> None:
+    """What to do with a log: look at it; and where another controller may do better or worse, try that."""
+    path = shlex.quote(str(log))
+    console.next_step(f"cmpc review {path}", "its page: why, animation, plots")
+    other = "c-mpc" if fell and scenario.controller.kind != "c-mpc" else "zd-pd" if not fell else "c-mpc-ltv"
+    if other != scenario.controller.kind:
+        console.next_step(f"cmpc replay {path} --controller {other}", "the same situation under another controller")
 
 
 def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool, why: str = "") -> None:

@@ -12,8 +12,9 @@ from controller.common import outside
 from controller.common.settings import BUILT_IN
 from sim.commands.options import add_json, add_quiet
 from sim.errors import UserError
+from sim.scenario import names_a_path
 from sim.settings import flags
-from sim.terminal.console import note
+from sim.terminal.console import next_step, note
 
 if TYPE_CHECKING:
     from sim.terminal.progress import Update
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from sim.trials.run.store import Counts
 
 LEAST_TRIALS = 4  # of a benchmark
+OTHERS = ("numerics", "show", "report", "retry", "bench")
+"""Words that are no plan but something to do."""
 USAGE = "cmpc trials PLAN|FILE.toml --out DIR [options]"
 DESCRIPTION = "Run the trials of a plan and leave a database, a table, plots and a page in DIR."
 EPILOG = """\
@@ -56,6 +59,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
         actions = commands.add_parser("trials").add_subparsers()
         others[argv[0]](actions.add_parser(argv[0]))
         return
+    _check_word(argv[0] if argv else "")
     parser = commands.add_parser("trials", usage=USAGE, description=DESCRIPTION, epilog=EPILOG)
     parser.set_defaults(run=_run)
     parser.add_argument("plan", nargs="?", metavar="PLAN|FILE.toml", help="a shipped plan or a plan file")
@@ -64,6 +68,21 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser.add_argument("--out", metavar="DIR", help="folder of the results, made if missing")
     parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
     _add_running(parser)
+
+
+def _check_word(word: str) -> None:
+    """Tell a word that is nearer to something to do than to a plan before the words behind it are judged.
+
+    Raises:
+        UserError: it is.
+    """
+    from sim.trials.plan.plan import SHIPPED
+
+    if names_a_path(word) or (SHIPPED / f"{word}.toml").is_file():
+        return
+    guess = flags.nearest(word, (*OTHERS, *(path.stem for path in SHIPPED.glob("*.toml"))))
+    if any(f" {other}?" in guess for other in OTHERS):
+        raise UserError(f"cmpc trials {word}: unknown; {guess}must be a plan, or {', '.join(OTHERS)}")
 
 
 def _add_running(parser: flags.Parser) -> None:
@@ -86,11 +105,13 @@ def _run(found: Namespace) -> int:
     if found.list:
         _print_list()
         return 0
-    if found.plan is None or found.out is None:
+    if found.plan is None:
         raise UserError("cmpc trials needs a plan and --out DIR; see cmpc trials --help, or --list for plans")
     from sim.trials.plan import load_plan
 
     plan = load_plan(found.plan)
+    if found.out is None:
+        raise UserError(f"cmpc trials {found.plan} needs --out DIR, a folder for its results; it is made if missing")
     if found.controllers is not None:
         plan = replace(plan, controllers=_kinds(found.controllers))
     return _campaign(plan, Path(found.out), found, restart=found.restart)
@@ -173,6 +194,10 @@ def _finish(results: "Results", out: Path) -> None:
     page = write_report(results, out)
     print(summarise(results))
     print(f"page: {page}")
+    fallen = next((result for result in results if result.fell), None)
+    if fallen is not None:
+        trial = f"{out}#{fallen.controller}/{fallen.trial}"
+        next_step(f"cmpc run --from-trial {trial}", "one that fell, with its log")
 
 
 def _add_numerics(parser: flags.Parser) -> None:
@@ -253,7 +278,7 @@ def _add_retry(parser: flags.Parser) -> None:
     parser.add_argument("folder", metavar="DIR")
     parser.add_argument("--errors", action="store_true", help="try errors again too, not only what was given up")
     text = "not the plan's: wall time in [s] after which a trial is given up"
-    parser.add_argument("--wall-limit", type=float, metavar="S", help=text)
+    parser.add_argument("--wall-limit", type=flags.real(above=0.0), metavar="s", help=text)
     _add_running(parser)
 
 

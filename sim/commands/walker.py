@@ -13,6 +13,7 @@ from rich.markup import escape
 from sim.commands.options import add_json
 from sim.errors import UserError
 from sim.settings import flags
+from sim.terminal.console import next_step
 
 EPILOG = "exit code: 0, 1 for a walker that fails its check, 2 for bad input"
 
@@ -34,7 +35,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     text = "torque limits in N.m, where the file has none or others"
     new.add_argument("--torque", nargs=2, type=flags.real(above=0.0), metavar=("HIP", "KNEE"), help=text)
     text = "from knee to foot, where the file does not tell or tells another"
-    new.add_argument("--tibia-length", type=flags.real(above=0.0), metavar="M", help=text)
+    new.add_argument("--tibia-length", type=flags.real(above=0.0), metavar="m", help=text)
     new.add_argument("--even-legs", action="store_true", help="make legs that differ by up to 5 %% equal")
 
     text = "topology, inertias, agreement of the models, gaits, walks"
@@ -108,4 +109,6 @@ def _check(found: Namespace) -> int:
         print(json.dumps({"passed": passed, "stages": lines}))
     elif not passed:
         print("the walker fails its check", file=sys.stderr)
+    else:
+        next_step(f"cmpc run undisturbed --walker {found.walker}")
     return 0 if passed else 1

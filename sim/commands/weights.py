@@ -8,7 +8,7 @@ from typing import Any
 
 from sim.commands.options import add_out
 from sim.settings import flags
-from sim.terminal.console import note
+from sim.terminal.console import next_step, note
 
 SEARCH = """\
 Weights and horizon of C-MPC that survive most: the score is the mean share of steps completed over random trials in
@@ -69,4 +69,5 @@ def _search(found: Namespace) -> int:
         f"{pairs['found_alone']} (McNemar's p = {pairs['p']:.2g})"
     )
     print(found.out)
+    next_step(f"cmpc run {found.out}")
     return 0

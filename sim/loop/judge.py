@@ -257,17 +257,23 @@ class Judge:
     def end(self, state: np.void) -> tuple[Outcome, FallReason, str]:
         """How and why the run ends at a row of `STATE`, with the figures."""
         c, row = self.criteria, self._row
+        deep = apart(1e3 * row["depth"], 1e3 * c.scuff_depth, 1)
+        high, tilt = apart(row["height"], c.hip_height, 3), apart(state["q"][-1], c.torso_tilt, 2)
         falls = {
             BODY_CONTACT: (FallReason.BODY_CONTACT, ", ".join(np.array(LINKS)[state["penetrating"] != 0])),
-            TRIPPED: (
-                FallReason.TRIPPED,
-                f"{1e3 * row['depth']:.1f} mm deep, at most {1e3 * c.scuff_depth:g} mm",
-            ),
-            HIP_LOW: (FallReason.HIP_LOW, f"{row['height']:.3f} m above the lower foot, least {c.hip_height:g} m"),
-            TORSO_TILT: (FallReason.TORSO_TILT, f"{state['q'][-1]:.2f} rad, at most {c.torso_tilt} rad"),
+            TRIPPED: (FallReason.TRIPPED, f"{deep} mm deep, at most {1e3 * c.scuff_depth:g} mm"),
+            HIP_LOW: (FallReason.HIP_LOW, f"{high} m above the lower foot, least {c.hip_height:g} m"),
+            TORSO_TILT: (FallReason.TORSO_TILT, f"{tilt} rad, at most {c.torso_tilt} rad"),
             STALLED: (FallReason.STALLED, f"{c.stall_time} s"),
             TIME_OVER: (FallReason.STALLED, f"time limit of {self.end_time} s"),
         }
         if row["reason"] == COMPLETED:
             return Outcome.COMPLETED, FallReason.NONE, ""
         return Outcome.FELL, *falls[int(row["reason"])]
+
+
+def apart(value: float, limit: float, digits: int) -> str:
+    """A figure beyond a limit with as many decimals as it takes not to look like the limit; `digits` at least."""
+    while digits < 9 and round(abs(value), digits) == round(limit, digits):
+        digits += 1
+    return f"{value:.{digits}f}"

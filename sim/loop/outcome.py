@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
+from html import escape
 
 
 class Outcome(Enum):
@@ -84,3 +85,16 @@ class RunSummary:
     scuff_depth_m: float = 0.0
     scuff_time_s: float = 0.0
     judged_by: dict[str, float] = field(default_factory=dict)
+
+    def _repr_html_(self) -> str:
+        """A few figures for a notebook; `sim.read(summary.log)` shows the run itself."""
+        figures = {
+            "outcome": f"{self.outcome} {self.fall_reason or self.message}",
+            "steps": f"{self.steps} in {self.time_s:.2f} s",
+            "speed": f"{self.speed_m_s:.3f} m/s" if self.speed_m_s is not None else "",
+            "peak torque": ", ".join(f"{peak:.1f}" for peak in self.peak_torque_Nm.values()) + " N.m",
+            "worst |F_T / F_N|": f"{self.friction_ratio_max:.3f}" if self.friction_ratio_max is not None else "",
+            "log": self.log,
+        }
+        cells = (f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in figures.items() if text)
+        return f"<table>{''.join(cells)}</table>"

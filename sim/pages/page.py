@@ -3,6 +3,8 @@
 import functools
 import json
 import math
+import os
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,15 +33,31 @@ def render(template: str, **values: Any) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a page; one of that name is replaced.
+    """Write a file whole or not at all; one of that name is replaced.
 
     Raises:
         UserError: it cannot be written.
     """
     try:
-        path.write_text(text, encoding="utf-8", errors="replace")
+        with tempfile.NamedTemporaryFile("wb", dir=path.parent, prefix=f".{path.name}-", delete=False) as file:
+            part = Path(file.name)
+            try:
+                file.write(text.encode("utf-8", errors="replace"))
+                file.close()
+                part.chmod(0o666 & ~_umask())
+                part.replace(path)
+            except BaseException:
+                part.unlink(missing_ok=True)
+                raise
     except OSError as error:
-        raise UserError(f"{path}: the page cannot be written: {error.strerror}") from error
+        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _umask() -> int:
+    """Bits that files of this process do not get."""
+    now = os.umask(0)
+    os.umask(now)
+    return now
 
 
 @functools.cache

@@ -4,7 +4,9 @@ import contextlib
 import difflib
 import os
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from controller.common.outside import inert
 from sim.errors import UserError
@@ -36,19 +38,39 @@ def from_toml(source: str | Path, *, trusted: bool = True) -> Scenario:
         text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
         tree = tomllib.loads(text)
         if isinstance(source, Path):
+            _check_kind(tree, source)
             tree.setdefault("name", source.stem)
         with contextlib.nullcontext() if trusted else inert():
             return settings.build(Scenario, tree)
     except OSError as error:
-        raise UserError(f"{where}: cannot be read: {error.strerror}") from error
+        raise UserError(f"{where}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise UserError(f"{where}: is not UTF-8 text (byte {error.start})") from error
+        raise UserError(f"{where}: is not UTF-8 text (byte {error.start})") from None
     except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{where}: is not valid TOML: {error}") from error
+        raise UserError(f"{where}: is not valid TOML: {error}") from None
     except UserError as error:
-        raise UserError(f"{where}: {error}") from error
+        raise UserError(f"{where}: {error}") from None
     except ValueError as error:  # an integer of thousands of digits
-        raise UserError(f"{where}: is not valid TOML: {error}") from error
+        raise UserError(f"{where}: is not valid TOML: {error}") from None
+
+
+def kind_of(tree: Mapping[str, Any]) -> str:
+    """What a TOML file is by its keys: "gait", "plan" or "scenario"."""
+    if "alpha" in tree or "q_minus" in tree:
+        return "gait"
+    studies = ("scenario", "grid", "margin", "montecarlo", "controllers")
+    return "plan" if any(key in tree for key in studies) else "scenario"
+
+
+def _check_kind(tree: Mapping[str, Any], path: Path) -> None:
+    """Tell another kind of file by what to do with it.
+
+    Raises:
+        UserError: it is no scenario.
+    """
+    other = {"gait": f"cmpc run --gait {path}", "plan": f"cmpc trials {path} --out DIR"}.get(kind_of(tree))
+    if other:
+        raise UserError(f"is a {kind_of(tree)}, must be a scenario here; {other}")
 
 
 def shipped() -> dict[str, str]:

@@ -14,6 +14,7 @@ from controller.common.units import (
     Metre,
     PositiveRatio,
     Radian,
+    Range,
     Ratio,
     Second,
     Unit,
@@ -28,6 +29,8 @@ from sim.scenario.per_link import (
     JointTorques,
     LimbFactors,
 )
+
+FRICTION = Range(low=0.0, high=100.0, words="between 0 and 100")  # rubber on concrete has 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +75,7 @@ class Patch:
         length: Its length.
     """
 
-    friction: Annotated[Ratio, NOT_NEGATIVE]
+    friction: Annotated[Ratio, FRICTION]
     start: Metre = 1.0
     length: Annotated[Metre, POSITIVE] = 0.5
 
@@ -108,7 +111,7 @@ class GroundSettings:
         rough: Random rough ground.
     """
 
-    friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
+    friction: Annotated[Ratio, FRICTION] = 0.6
     slope: Annotated[Radian, SLOPE] = 0.0
     stiffness_factor: PositiveRatio = 1.0
     damping_factor: PositiveRatio = 1.0

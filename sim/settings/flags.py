@@ -20,6 +20,9 @@ from sim.settings.tree import Setting
 
 T = TypeVar("T")
 
+LIKE, LIKE_END = 0.55, 0.8
+"""How like a mistyped word must be to a whole name, and to the end of a dotted path."""
+
 PREFIX = "setting:"  # marks settings among the attributes of a parsed command line
 
 
@@ -64,9 +67,18 @@ class Parser(argparse.ArgumentParser):
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """The question "did you mean ...? ", empty where nothing known is like the word."""
-    near = difflib.get_close_matches(word, list(known), n=1)
-    return f"did you mean {near[0]}? " if near else ""
+    """The question "did you mean ...? ", empty where nothing known is like the word.
+
+    Of a dotted path its end will do: "--slope" is near "--plant.ground.slope".
+    """
+    names = list(known)
+    near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
+    ends = {name.rpartition(".")[2]: name for name in reversed(names) if "." in name}
+    end = difflib.get_close_matches(word.lstrip("-"), ends, n=1, cutoff=LIKE_END)
+    sure = near and difflib.SequenceMatcher(None, word, near[0]).ratio() >= LIKE_END
+    begun = [name for name in names if "." in name and len(word) > 4 and f".{word.lstrip('-')}" in name]
+    found = near[:1] if sure else [ends[end[0]]] if end else begun[:1] or near[:1]
+    return f"did you mean {found[0]}? " if found else ""
 
 
 def _listed(words: Iterable[Any]) -> str:

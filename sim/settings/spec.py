@@ -21,6 +21,8 @@ from controller.common.units import Doc, Range, Unit, Words
 from sim.errors import UserError
 
 TYPES = "bool, int, float, str, a Literal of words, T | None, a tuple of float or str, or a dataclass of these"
+LARGEST = 1e9
+"""Of any number in any unit here; beyond it nothing is a walker, and sums lose the digits of what is."""
 LONGEST_SHOWN = 60  # characters of an illegal value that a message repeats
 
 
@@ -149,7 +151,9 @@ def leaf(value: Any, spec: Spec, path: str) -> Any:
     items = value if many else (value,)
     fits = isinstance(items, list | tuple) and (spec.repeated or len(items) == (spec.length or 1))
     if not fits or not all(_fits(item, spec) for item in items):
-        raise UserError(f"{path} = {_shown(value, spec)}: must be {spec.legal}{_near(value, spec)}")
+        beyond = fits and spec.type is float and any(_is_beyond(item, spec) for item in items)
+        most = f" and no more than {LARGEST:g}" if beyond else ""
+        raise UserError(f"{path} = {_shown(value, spec)}: must be {spec.legal}{most}{_near(value, spec)}")
     items = tuple(spec.type(item) for item in items)
     return items if many else items[0]
 
@@ -162,7 +166,7 @@ def _fits(value: Any, spec: Spec) -> bool:
             number = float(value)
         except OverflowError:
             return False
-        return math.isfinite(number) and (spec.range is None or number in spec.range)
+        return abs(number) <= LARGEST and (spec.range is None or number in spec.range)
     if spec.type is int:
         if isinstance(value, bool) or not isinstance(value, numbers.Integral):
             return False
@@ -170,6 +174,12 @@ def _fits(value: Any, spec: Spec) -> bool:
     if type(value) is not spec.type:
         return False
     return not spec.choices or value in spec.choices or (spec.words is not None and spec.words.others(value))
+
+
+def _is_beyond(item: Any, spec: Spec) -> bool:
+    """Whether nothing but its size speaks against a number."""
+    number = isinstance(item, int | float) and LARGEST < abs(item) < math.inf
+    return number and (spec.range is None or item in spec.range)
 
 
 def _near(value: Any, spec: Spec) -> str:

@@ -3,10 +3,18 @@
 import sys
 from typing import Any
 
+from sim.terminal.pulse import PULSE
+
 
 def note(line: str) -> None:
     """Print a line on stderr, at once: what is going on, apart from results."""
+    PULSE.clear()
     print(line, file=sys.stderr, flush=True)
+
+
+def next_step(command: str, what: str = "") -> None:
+    """Print on stdout, after a result, the command that most likely comes next."""
+    print(f"next: {command}" + (f"   {what}" if what else ""), flush=True)
 
 
 def show(table: Any, width: int = 170) -> None:

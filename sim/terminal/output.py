@@ -6,6 +6,8 @@ import signal
 import sys
 from collections.abc import Callable
 
+from sim.terminal.pulse import PULSE
+
 EXIT_UNWRITTEN = 2
 EXIT_BROKEN_PIPE = 128 + signal.SIGPIPE
 """As a shell reports a program that SIGPIPE ended."""
@@ -26,6 +28,7 @@ class Output(io.TextIOWrapper):
         Raises:
             OSError: it cannot be written.
         """
+        PULSE.clear()
         try:
             return super().write(text)
         except OSError as error:

@@ -1,11 +1,11 @@
-"""One progress bar for all: on a terminal a bar, elsewhere a line now and then."""
+"""One progress bar for all: on a terminal a bar, elsewhere the words of a sign of life."""
 
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-LINE_EVERY = 10.0  # [s] between lines where stderr is no terminal
+from sim.terminal.pulse import PULSE
 
 Update = Callable[..., None]
 """Called with what is done, all there is, and words to show behind the time left."""
@@ -55,7 +55,8 @@ def progress_bar(label: str, unit: str = "", *, quiet: bool) -> Iterator[Update 
         What to call with (done, total, words), or None if nothing is shown; words may be left out.
     """
     if quiet:
-        yield None
+        with PULSE.hushed():
+            yield None
         return
     left = TimeLeft()
 
@@ -64,22 +65,19 @@ def progress_bar(label: str, unit: str = "", *, quiet: bool) -> Iterator[Update 
         return "  ".join(filter(None, (share, duration(left(done, total)), words)))
 
     if not sys.stderr.isatty():
-        last = time.perf_counter()
 
         def line(done: float, total: float, words: str = "") -> None:
-            nonlocal last
-            text = words_of(done, total, words)
-            if time.perf_counter() - last > LINE_EVERY:
-                last = time.perf_counter()
-                print(f"{label}: {text}", file=sys.stderr, flush=True)
+            PULSE.words = words_of(done, total, words)
 
-        yield line
+        with PULSE.beating(label):
+            PULSE.label = label
+            yield line
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
     columns = (TextColumn(label), BarColumn(), TextColumn("{task.fields[words]}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with PULSE.hushed(), Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=None, words="")
 
         def move(done: float, total: float, words: str = "") -> None:

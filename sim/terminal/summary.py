@@ -43,7 +43,7 @@ def as_table(summary: RunSummary, scenario: Scenario, why: str = "") -> Table:
 
 
 def _rows(summary: RunSummary, scenario: Scenario, why: str) -> list[tuple[str, str]]:
-    assumed = scenario.controller.friction
+    assumed, fell = scenario.controller.friction, summary.outcome == Outcome.FELL.value
     rows = [
         ("outcome", _outcome(summary)),
         *([("why" if summary.fall_reason else "but", why)] if why else []),
@@ -60,7 +60,7 @@ def _rows(summary: RunSummary, scenario: Scenario, why: str) -> list[tuple[str, 
             "worst |F_T/F_N|",
             _number(summary.friction_ratio_max, f"{{:.3f}} (controller assumes {assumed:g})"),
         ),
-        ("output error, RMS", _number(summary.output_error_rms_rad, "{:.4f} rad")),
+        ("output error, RMS", _number(summary.output_error_rms_rad, "{:.4f} rad" + ", the fall with it" * fell)),
         ("MPC torque / ZD+PD torque", _number(summary.mpc_torque_share, "{:.3f}")),
         ("solve time", _times(summary.solve_ms)),
         ("tick time", _times(summary.tick_ms)),

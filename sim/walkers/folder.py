@@ -11,6 +11,7 @@ from sim.scenario import Scenario, names_a_path
 SHIPPED = Path(__file__).resolve().parents[2] / "models"
 """Beside this package in a checkout and in an installation alike."""
 DEFAULT_GAIT = Scenario().gait
+MOST_NAMED = 6  # gaits that a message lists
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,12 +32,13 @@ class WalkerFolder:
 
     @classmethod
     def find(cls, walker: str) -> "WalkerFolder":
-        """A walker by its name under `models/`, or by the path of its folder.
+        """A walker by its name under `models/`, or by the path of its folder; one here needs no "./".
 
         Raises:
             UserError: no such folder, or a model file is missing in it.
         """
-        folder = (Path(walker) if names_a_path(walker) else SHIPPED / walker).resolve()
+        beside = not (SHIPPED / walker).is_dir() and (Path(walker) / f"{Path(walker).name}.urdf").is_file()
+        folder = (Path(walker) if names_a_path(walker) or beside else SHIPPED / walker).resolve()
         if not folder.is_dir():
             names = sorted(p.name for p in SHIPPED.iterdir() if (p / f"{p.name}.urdf").is_file())
             raise UserError(f"walker = {walker!r}: no such folder; {_choice(walker, names)}, or the path of a folder")
@@ -76,4 +78,5 @@ class WalkerFolder:
 
 def _choice(word: str, names: Sequence[str]) -> str:
     near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
-    return f"{f'did you mean {near[0]}? ' if near else ''}must be one of {', '.join(map(repr, names)) or 'none'}"
+    shown = ", ".join(names[-MOST_NAMED:]) + f" and {len(names) - MOST_NAMED} more" * (len(names) > MOST_NAMED)
+    return f"{f'did you mean {near[0]}? ' if near else ''}must be one of {shown or 'none'}"

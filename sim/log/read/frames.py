@@ -140,6 +140,16 @@ class Run:
     frames: Frames = field(repr=False)
     events: tuple[Event, ...] = field(repr=False)
 
+    def __repr__(self) -> str:
+        """One line."""
+        about, result = self.about, self.result
+        words = (
+            about.get("scenario", "a log"),
+            result.get("outcome", "not finished"),
+            f"{result.get('steps', '?')} steps",
+        )
+        return f"<{self.log.path}: {', '.join(map(str, words))}>"
+
     def __getitem__(self, topic: str) -> Frame:
         """The frame of a channel.
 

@@ -15,6 +15,7 @@ from controller.common.settings import BUILT_IN
 from controller.common.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.errors import UserError
 from sim.scenario import Scenario, names_a_path
+from sim.scenario.files import kind_of
 from sim.settings import tree as settings
 from sim.settings.spec import leaf
 from sim.trials.plan.axis import Axis, Value, changes, check_axes, label, scenario_at
@@ -179,7 +180,11 @@ def from_toml(text: str, where: str = "plan", *, trusted: bool = True) -> Plan:
     """
     try:
         with contextlib.nullcontext() if trusted else outside.inert():
-            return settings.build(Plan, tomllib.loads(text))
+            tree = tomllib.loads(text)
+            other = {"gait": "cmpc run --gait", "scenario": "cmpc run"}.get(kind_of(tree))
+            if other and {*tree} & {"alpha", "walker", "plant", "pushes", "steps", "controller"}:
+                raise UserError(f"is a {kind_of(tree)}, must be a plan here; {other} {where}")
+            return settings.build(Plan, tree)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
     except ValueError as error:  # TOMLDecodeError is one

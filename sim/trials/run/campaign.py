@@ -7,6 +7,7 @@ campaign goes on after a kill as it would have without.
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,21 @@ class Results:
     def __iter__(self) -> Iterator[TrialResult]:
         """Results in order of controller and trial."""
         return self.store.results()
+
+    def _repr_html_(self) -> str:
+        """How many walked and fell, for a notebook."""
+        counted: dict[tuple[str, str], list[int]] = {}
+        for result in self:
+            row = counted.setdefault((result.study, result.controller), [0, 0, 0])
+            row[0 if result.survived else 1 if result.known else 2] += 1
+        head = "".join(f"<th>{name}</th>" for name in ("study", "controller", "walked", "fell", "without a result"))
+        rows = (
+            "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in (*names, *counts)) + "</tr>"
+            for names, counts in counted.items()
+        )
+        return (
+            f"<p>{escape(self.plan.name)} {escape(self.interrupted)}</p><table><tr>{head}</tr>{''.join(rows)}</table>"
+        )
 
     def frame(self) -> Any:
         """The results as a pandas DataFrame, with a column for each axis, "axis: name".
