@@ -59,6 +59,7 @@ class FakeRun:
 def run(monkeypatch, tmp_path):
     fake = FakeRun()
     monkeypatch.setitem(sys.modules, "sim.bridge.run", types.SimpleNamespace(run_scenario=fake))
+    monkeypatch.setattr("sim.trials.run.trial.fading", lambda witness, scenario: False)
     monkeypatch.chdir(tmp_path)
     return fake
 
