@@ -37,6 +37,32 @@ def test_a_walk_that_falls_undisturbed_has_no_basin() -> None:
         basin.column(broken, "torso", 0.0, [0.0], 0.05, 5)
 
 
+def test_a_map_is_told_by_the_points_along_its_boundaries() -> None:
+    rows, columns = np.mgrid[0:31, 0:25]
+    ellipse = (((rows - 14.3) / 9.2) ** 2 + ((columns - 11.6) / 7.1) ** 2 < 1.0).astype(int)
+    tongue = ellipse | ((np.abs(rows - columns) < 2) & (columns < 20))  # thinner than a cell, and not in the first look
+    for whole, most in ((ellipse, 0.45), (tongue, 0.7), (np.ones_like(ellipse), 0.15), (rows % 3, 1.0)):
+        asked: list[tuple[int, int]] = []
+
+        def at(row: int, column: int, whole=whole, asked=asked) -> int:
+            asked.append((row, column))
+            return int(whole[row, column])
+
+        found = basin.filled(whole.shape, at)
+        assert (found == whole).all()
+        assert len(asked) == len(set(asked)) <= most * whole.size
+
+
+def test_a_followed_map_is_that_of_its_columns() -> None:
+    offsets, forces = [-0.1, 0.1], [0.0, 200.0]
+    found = basin.followed(RIGID, "torso", offsets, forces, 0.05, 5)
+    for i, offset in enumerate(offsets):
+        column = basin.column(RIGID, "torso", offset, forces, 0.05, 5)
+        for what, values in column.items():
+            assert found[what][:, i].tolist() == values.tolist()
+    assert found["run"].all() and not found["trips"][0].any()
+
+
 def test_grid_and_cell() -> None:
     grid = basin.Grid.of((-0.2, 0.2, 5), (0.0, 30.0, 4))
     assert grid.torso == pytest.approx([-0.2, -0.1, 0.0, 0.1, 0.2])
@@ -78,8 +104,15 @@ def test_bad_input_is_named(capsys, tmp_path, words: list[str], message: str) ->
 
 def test_areas_count_converged_points_only() -> None:
     from sim.reproduce.experiments import fig8
+    from sim.reproduce.study import Effort
 
-    grid = basin.Grid.of((0.0, 1.0, 2), (0.0, 10.0, 2))
-    fates = {"a/zd-pd/0": [1, 2], "a/zd-pd/1": [0, 1]}
-    results = {name: {"fate": np.array(fate)} for name, fate in fates.items()}
-    assert fig8.converged(results, "a", "zd-pd", grid).tolist() == [[True, False], [False, True]]
+    quick = Effort(quick=True)
+    results = {}
+    for name, task in fig8.tasks(quick).items():
+        shape = len(task.arguments["force"]), len(task.arguments["torso"])
+        fate = np.full(shape, int(basin.Fate.UNDECIDED if "c-mpc" in name else basin.Fate.FELL))
+        fate[0, 0] = basin.Fate.CONVERGED
+        off = np.zeros(shape, dtype=bool)
+        results[name] = {"fate": fate, "steps": 0 * fate, "scuff": 0.0 * fate, "trips": off, "run": ~off}
+    found = fig8.evaluate(results, quick)
+    assert "8.00 against 8.00 rad N: 1.00 times" in found.verdicts[0].rigid.text  # a cell of 0.267 rad and 30 N

@@ -1,6 +1,7 @@
 """Reproduction: verdicts are computed, broken controllers fail them, results are kept and reproducible."""
 
 import dataclasses
+import importlib
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -286,12 +287,13 @@ def test_fig8_compares_areas_and_upper_boundaries() -> None:
 
     def results(zd_top: int, mpc_top: int, last: int | None = None) -> dict:
         found = {}
-        for name in fig8.tasks(quick):
-            fate = np.zeros(5, dtype=int)
-            top = last if last is not None and name.endswith(("torso/c-mpc/6", "q5/c-mpc/4")) else mpc_top
-            fate[2 : zd_top if "zd-pd" in name else top] = 1
-            scuff = np.full(len(fate), 2e-3 if "zd-pd" in name else 0.0)
-            found[name] = {"fate": fate, "steps": 0 * fate, "scuff": scuff}
+        for name, task in fig8.tasks(quick).items():
+            fate = np.zeros((len(task.arguments["force"]), len(task.arguments["torso"])), dtype=int)
+            fate[2 : zd_top if "zd-pd" in name else mpc_top] = 1
+            if last is not None and "c-mpc" in name:
+                fate[last:, -1] = 0
+            trips = np.full(fate.shape, "zd-pd" in name)
+            found[name] = {"fate": fate, "steps": 0 * fate, "scuff": 2e-3 * trips, "trips": trips, "run": ~trips}
         return found
 
     assert holds(fig8.evaluate(results(4, 6), quick), "rigid") == [True, True, True, True, True, None]
@@ -312,7 +314,14 @@ def test_both_gaits_are_judged_side_by_side_unless_one_is_asked_for() -> None:
     assert {name.partition("/")[0] for name in asked} == {"paper", "paper-polished"}
     assert 'gait = "paper-polished"' in asked["paper-polished/rigid/pushed"].arguments["scenario"]
     assert {name.partition("/")[0] for name in tasks_of(fig6, Effort(changes={"gait": "paper"}))} == {"paper"}
-    assert {name.partition("/")[0] for name in tasks_of(noise, Effort())} == {"paper"}
+    assert all(
+        {
+            name.partition("/")[0]
+            for name in tasks_of(importlib.import_module(f"sim.reproduce.experiments.{n}"), Effort())
+        }
+        == {"paper", "paper-polished"}
+        for n in EXPERIMENTS
+    )
 
 
 def test_a_claim_s_verdicts_with_both_gaits_stand_beside_each_other() -> None:
@@ -348,15 +357,13 @@ def test_noise_is_judged_by_what_is_survived_and_by_tracking_under_the_same() ->
         level = {"zd-pd": zd, "c-mpc": mpc}
         found = {}
         for name in noise.tasks(Effort()):
-            controller = name.split("/")[1]
-            rms = level[controller] + 1e-5 * np.arange(20)
-            largest = {
+            found[name] = {
                 "value": np.array(1.0),
                 "tried": np.array([1.0]),
                 "survived": np.array([20]),
                 "scuff": np.array(0.0),
+                "rms": level[name.split("/")[1]] + 1e-5 * np.arange(20),
             }
-            found[name] = {"rms": rms} if name.endswith("tracking") else largest
         return found
 
     assert holds(noise.evaluate(results(0.002, 0.004), Effort()), "rigid")[3:] == [True] * 3
@@ -511,14 +518,12 @@ def test_thinning_keeps_peaks_and_ends() -> None:
 
 
 def test_every_experiment_is_there_and_says_what_it_needs() -> None:
-    import importlib
-
     for name in EXPERIMENTS:
         module = importlib.import_module(f"sim.reproduce.experiments.{name}")
         quick, full = module.tasks(Effort(quick=True)), module.tasks(Effort())
         assert quick
         assert sum(t.cost for t in quick.values()) <= sum(t.cost for t in full.values())
-    offsets, forces = fig8.READINGS["torso"][3]
+    offsets, forces = fig8.READINGS["torso"][3][0]
     assert offsets >= 25 and forces >= 31
 
 

@@ -93,6 +93,8 @@ def _map(
     workers: int,
     quiet: bool,
 ) -> int:
+    import numpy as np
+
     from sim.reproduce import draw, report
     from sim.reproduce.basin import Fate, Grid
     from sim.reproduce.experiments import fig8
@@ -133,19 +135,22 @@ def _map(
         except Stopped as reason:
             print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
             return 128 + stop.signum
-    results = {name: store.get(task) or {} for name, task in wanted.items()}
-    zd, mpc = inside = [fig8.converged(results, "", controller, grid) for controller in CONTROLLERS]
+    found = {}
+    for controller in CONTROLLERS:
+        columns = [store.get(wanted[f"{controller}/{i}"]) or {} for i in range(len(grid.torso))]
+        found[controller] = {what: np.array([one[what] for one in columns]).T for what in ("fate", "steps", "scuff")}
+    zd, mpc = inside = [found[controller]["fate"] == Fate.CONVERGED for controller in CONTROLLERS]
     title = f"{scenario.name}, {PLANT_NAMES[scenario.plant.kind]}"
     title += f"; {law} in place of C-MPC" if law not in BUILT_IN else ""
     panel = fig8.panel(zd, mpc, grid, title=title)
     draw.draw(((panel,),), "Basins of attraction", out / "basin.png")
-    report.write_csv(out / "basin.csv", fig8.table(results, "", grid))
+    report.write_csv(out / "basin.csv", fig8.table(found, grid))
     areas = {
         controller: float(members.sum()) * grid.cell for controller, members in zip(CONTROLLERS, inside, strict=True)
     }
     (out / "basin.json").write_text(json.dumps({"area [rad N]": areas, "epsilon [rad]": epsilon}) + "\n")
     for controller, area in areas.items():
-        fates = [int(fate) for i in range(len(grid.torso)) for fate in results[f"{controller}/{i}"]["fate"]]
+        fates = found[controller]["fate"].ravel().tolist()
         counts = ", ".join(f"{fates.count(fate)} {fate.name.lower()}" for fate in Fate)
         print(f"{labels[controller]:<6} {area:8.2f} rad N   {counts}")
     print(f"map: {out / 'basin.png'}\ndata: {out / 'basin.csv'}", flush=True)

@@ -1,6 +1,7 @@
 """`cmpc reproduce`: the paper's figures and tables again, on both plants, with a verdict for each claim."""
 
 import importlib
+import math
 import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
@@ -129,8 +130,16 @@ def _reproduce(
     for name in shown.keys() - done.keys():
         report.write(name, shown[name], out, quick=quick)
     page = report.write_page(shown, out, quick=quick)
+    _print_times({name: [store.cpu(task) for task in wanted[name].values()] for name in names})
     print(f"\npage: {page}\ndata: {out / 'data'}", flush=True)
     return 0
+
+
+def _print_times(seconds: Mapping[str, Sequence[float]]) -> None:
+    """CPU time of each experiment's runs; one that several ask for counts for each."""
+    known = {name: sum(one for one in times if math.isfinite(one)) for name, times in seconds.items()}
+    words = ", ".join(f"{name} {time:.0f}" for name, time in known.items())
+    print(f"\nCPU time of the runs [s], {sum(known.values()):.0f} in all: {words}")
 
 
 def _print_verdicts(found: Mapping[str, Any]) -> None:

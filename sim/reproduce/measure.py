@@ -207,72 +207,54 @@ def largest_survived(
     }
 
 
-def tracking(scenario: str, paths: list[str], sd: float, seeds: int) -> dict[str, NDArray[Any]]:
-    """RMS of the outputs under noise, seed by seed.
-
-    Args:
-        scenario: The scenario as TOML.
-        paths: Settings that take the standard deviation.
-        sd: The standard deviation.
-        seeds: Number of seeds, from 0.
-
-    Returns:
-        "rms" (seeds,) in [rad], NaN where the walker falls.
-    """
-    from sim.bridge.run import build_rig
-
-    base = with_values(from_toml(scenario), dict.fromkeys(paths, sd))
-    found = []
-    for seed in range(seeds):
-        run = build_rig(with_values(base, {"seed": seed})).run(NoTape())
-        walked = run.outcome == Outcome.COMPLETED.value
-        found.append(run.output_error_rms_rad if walked and run.output_error_rms_rad else np.nan)
-    return {"rms": np.array(found)}
-
-
-def largest_noise(scenario: str, paths: list[str], ladder: list[float], seeds: int) -> dict[str, NDArray[Any]]:
-    """The largest standard deviation of a ladder at which every seed is survived, by bisection.
+def noise(scenario: str, paths: list[str], ladder: list[float], same: float, seeds: int) -> dict[str, NDArray[Any]]:
+    """The largest standard deviation of a ladder at which every seed is survived, and tracking on one rung.
 
     Args:
         scenario: The scenario as TOML.
         paths: Settings that take the standard deviation.
         ladder: Standard deviations, ascending.
+        same: The rung on which tracking is measured; the bisection starts from it.
         seeds: Number of seeds, from 0.
 
     Returns:
         "value" (0 if not even the first rung is survived), "tried" and "survived" (number of seeds before the first
-        fall), in the order tried, and "scuff", the deepest that the swing foot of a survivor at "value" was below the
-        ground in [m].
+        fall), in the order tried, "scuff", the deepest that the swing foot of a survivor at "value" was below the
+        ground in [m], and "rms" (seeds,) of the outputs at `same` in [rad], NaN where the walker falls.
     """
-    base = from_toml(scenario)
-    tried: list[float] = []
-    counts: list[int] = []
+    from sim.bridge.run import build_rig
 
+    base = from_toml(scenario)
+    counts: dict[float, int] = {}
     depths: dict[float, float] = {}
+    rms = np.full(seeds, np.nan)
 
     def survived(sd: float) -> bool:
         settings = with_values(base, dict.fromkeys(paths, sd))
-        seed, deepest = 0, 0.0
-        while seed < seeds:
-            walked, depth = _fate(with_values(settings, {"seed": seed}))
-            if not walked:
-                break
-            seed, deepest = seed + 1, max(deepest, depth)
-        tried.append(sd)
-        counts.append(seed)
-        depths[sd] = deepest
-        return seed == seeds
+        counts[sd], depths[sd] = seeds, 0.0
+        for seed in range(seeds):
+            run = build_rig(with_values(settings, {"seed": seed})).run(NoTape())
+            if run.outcome == Outcome.COMPLETED.value:
+                depths[sd] = max(depths[sd], run.scuff_depth_m)
+                if sd == same and run.output_error_rms_rad is not None:
+                    rms[seed] = run.output_error_rms_rad
+            else:
+                counts[sd] = min(counts[sd], seed)
+                if sd != same:
+                    break
+        return counts[sd] == seeds
 
-    low, high = -1, len(ladder)  # rungs
+    low, high, middle = -1, len(ladder), ladder.index(same)  # rungs
     while high - low > 1:
-        middle = (low + high) // 2
         low, high = (middle, high) if survived(ladder[middle]) else (low, middle)
+        middle = (low + high) // 2
     value = ladder[low] if low >= 0 else 0.0
     return {
         "value": np.array(value),
-        "tried": np.array(tried),
-        "survived": np.array(counts),
+        "tried": np.array(list(counts)),
+        "survived": np.array(list(counts.values())),
         "scuff": np.array(depths.get(value, 0.0)),
+        "rms": rms,
     }
 
 
@@ -280,8 +262,8 @@ def stability(scenario: str, step_sizes: list[float], repeats: int) -> dict[str,
     """Fixed point and eigenvalues of the step map (`sim.stability.poincare`).
 
     Returns:
-        "converged", "residual", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), "scatter"
-        of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h",
+        "converged", "fell_in_step" (0 if the undisturbed walk does not fall within 15 steps), and if 0 "residual",
+        "scatter" of the walk on the map, "x", and, if converged, "largest", "eigenvalues" (magnitudes), "h",
         "noise", "roughness", "study_h", "study_largest", "study_jumps".
     """
     from sim.stability import poincare
@@ -291,6 +273,8 @@ def stability(scenario: str, step_sizes: list[float], repeats: int) -> dict[str,
     rig = _rig(scenario)
     summary = rig.run(NoTape(), steps=15)
     fell = 0 if summary.outcome == Outcome.COMPLETED.value else summary.steps + 1
+    if fell:
+        return {"fell_in_step": np.array(fell), "converged": np.array(False)}
     point = find_fixed_point(rig.step_map, rig.surface, rig.x_gait)
     found = {
         "converged": np.array(point.converged),

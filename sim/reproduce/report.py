@@ -12,7 +12,7 @@ import numpy as np
 
 from sim import pages
 from sim.reproduce import EXPERIMENTS
-from sim.reproduce.criteria import RULES
+from sim.reproduce.criteria import CHANGED, RULES
 from sim.reproduce.draw import draw
 from sim.reproduce.panels import LinePanel, Panel
 from sim.reproduce.study import PLANT_NAMES, Evaluation, Verdict
@@ -81,6 +81,7 @@ def _page(title: str, sections: list[dict[str, Any]], *, rows: list[dict[str, An
         lead=lead,
         rows=rows,
         rules=[(rule.words, rule.meaning, rule.used) for rule in RULES],
+        changed=CHANGED,
         plants=list(PLANT_NAMES.values()),
         sections=sections,
     )

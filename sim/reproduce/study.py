@@ -40,15 +40,19 @@ class Effort:
     Attributes:
         quick: Whether coarse versions do.
         changes: Settings changed in every scenario, by dotted path; a broken controller, say.
+        beside: Whether this is the gait judged beside the paper's, for which some experiments look less finely.
     """
 
     quick: bool = False
     changes: Mapping[str, Any] = field(default_factory=dict)
+    beside: bool = False
 
     @property
     def polished(self) -> "Effort | None":
         """The same with the polished gait; None where a gait was asked for."""
-        return None if "gait" in self.changes else dataclasses.replace(self, changes={**self.changes, "gait": POLISHED})
+        if "gait" in self.changes:
+            return None
+        return dataclasses.replace(self, changes={**self.changes, "gait": POLISHED}, beside=True)
 
     def scenario(self, plant: str, controller: str, changes: Mapping[str, Any] | None = None) -> str:
         """A scenario as TOML: the level walk of ten steps with this plant and controller, then `changes`.
@@ -127,7 +131,7 @@ class Evaluation:
 
 
 def tasks_of(experiment: ModuleType, effort: Effort) -> dict[str, Task]:
-    """What an experiment asks for, with the paper's gait and, unless it says `BOTH_GAITS = False`, the polished one.
+    """What an experiment asks for, with the paper's gait and, unless one was asked for, the polished one.
 
     Args:
         experiment: One of `sim.reproduce.experiments`.
@@ -137,9 +141,7 @@ def tasks_of(experiment: ModuleType, effort: Effort) -> dict[str, Task]:
         Tasks by name, the gait before the experiment's own.
     """
     return {
-        f"{gait}/{name}": task
-        for gait, one in _efforts(experiment, effort).items()
-        for name, task in experiment.tasks(one).items()
+        f"{gait}/{name}": task for gait, one in _efforts(effort).items() for name, task in experiment.tasks(one).items()
     }
 
 
@@ -150,7 +152,7 @@ def evaluation_of(experiment: ModuleType, results: Results, effort: Effort) -> E
             {name.removeprefix(f"{gait}/"): arrays for name, arrays in results.items() if name.startswith(f"{gait}/")},
             one,
         )
-        for gait, one in _efforts(experiment, effort).items()
+        for gait, one in _efforts(effort).items()
     }
     paper: Evaluation = found[PAPER]
     if POLISHED not in found:
@@ -167,8 +169,5 @@ def evaluation_of(experiment: ModuleType, results: Results, effort: Effort) -> E
     )
 
 
-def _efforts(experiment: ModuleType, effort: Effort) -> dict[str, Effort]:
-    found = {PAPER: effort}
-    if getattr(experiment, "BOTH_GAITS", True) and effort.polished:
-        found[POLISHED] = effort.polished
-    return found
+def _efforts(effort: Effort) -> dict[str, Effort]:
+    return {PAPER: effort} | ({POLISHED: effort.polished} if effort.polished else {})

@@ -12,6 +12,7 @@ import importlib.util
 import io
 import json
 import sqlite3
+import time
 import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import contextmanager
@@ -79,6 +80,7 @@ class TaskStore:
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = NORMAL")
             self._db.execute("CREATE TABLE IF NOT EXISTS results (key TEXT PRIMARY KEY, task TEXT, arrays BLOB)")
+            self._db.execute("CREATE TABLE IF NOT EXISTS times (key TEXT PRIMARY KEY, cpu_s REAL)")
 
     @contextmanager
     def _as_user_error(self) -> Any:
@@ -110,8 +112,19 @@ class TaskStore:
         except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
             return None
 
-    def put(self, task: Task, result: Mapping[str, NDArray[Any]]) -> None:
+    def cpu(self, task: Task) -> float:
+        """CPU time that a task took when it was run in [s], NaN where that is not known."""
+        with self._as_user_error():
+            row = self._db.execute("SELECT cpu_s FROM times WHERE key = ?", (self.key(task),)).fetchone()
+        return float(row[0]) if row else float("nan")
+
+    def put(self, task: Task, result: Mapping[str, NDArray[Any]], cpu: float = float("nan")) -> None:
         """Keep a result, safe from then on.
+
+        Args:
+            task: Whose it is.
+            result: Arrays by name.
+            cpu: CPU time it took in [s].
 
         Raises:
             UserError: the disk is full or the file cannot be written.
@@ -121,6 +134,7 @@ class TaskStore:
         row = (self.key(task), task.function, data.getvalue())
         with self._as_user_error():
             self._db.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?)", row)
+            self._db.execute("INSERT OR REPLACE INTO times VALUES (?, ?)", (row[0], cpu))
 
     def close(self) -> None:
         """Close the file."""
@@ -196,14 +210,15 @@ def run_tasks(
                 raise UserError(f"task {end.argument}: {end.message}; what is finished is kept")
             if end.how is not Ended.DONE:
                 raise RuntimeError(f"task {end.argument}: {end.message}\n{end.detail}")
-            store.put(tasks[end.argument], end.value)
+            store.put(tasks[end.argument], *end.value)
             close(missing.pop(end.argument))
     if missing:
         raise Stopped(stop() or "stopped")
 
 
-def _work(tasks: Mapping[str, Task], name: str) -> Arrays:
-    return work(tasks[name])
+def _work(tasks: Mapping[str, Task], name: str) -> tuple[Arrays, float]:
+    began = time.process_time()
+    return work(tasks[name]), time.process_time() - began
 
 
 def work(task: Task) -> Arrays:

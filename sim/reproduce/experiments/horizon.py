@@ -9,18 +9,21 @@ from sim.reproduce.criteria import TENTH, no_larger, no_worse, walks
 from sim.reproduce.experiments.fig5 import FORCE, PUSHED_STEP, between, rms
 from sim.reproduce.panels import BLUE, ORANGE, Level, LinePanel, Series
 
-BOTH_GAITS = False  # for its cost: the paper's gait alone
-
 HORIZONS = (10, 20, 50, 100, 200, 500, 2000)
+BESIDE = (100, 200, 2000)
 QUICK = (20, 100, 300)
 CHOSEN = 100
 OFFERED = 200  # ticks; what --controller.horizon 200 does
 STEPS = 5
-STRIDE, RESOLUTION, LARGEST = 16.0, 2.0, 200.0  # [N]
+STRIDE, RESOLUTION, BESIDE_RESOLUTION, LARGEST = 16.0, 2.0, 4.0, 200.0  # [N]
 
 
 def _horizons(effort: study.Effort) -> tuple[int, ...]:
-    return QUICK if effort.quick else HORIZONS
+    return QUICK if effort.quick else BESIDE if effort.beside else HORIZONS
+
+
+def _resolution(effort: study.Effort) -> float:
+    return STRIDE if effort.quick else BESIDE_RESOLUTION if effort.beside else RESOLUTION
 
 
 def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
@@ -43,7 +46,7 @@ def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
                     "path": "pushes.0.force",
                     "sign": 1.0,
                     "stride": STRIDE,
-                    "resolution": STRIDE if effort.quick else RESOLUTION,
+                    "resolution": _resolution(effort),
                     "limit": LARGEST,
                 },
                 cost=8.0 * each,
@@ -147,6 +150,7 @@ def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
         notes=(
             *(_step_by_step(results, plant, int(horizons[-1])) for plant in study.PLANTS),
             f"N = {OFFERED} is one setting: --controller.horizon {OFFERED}.",
+            f"Forces to {_resolution(effort):g} N.",
             "A horizon whose walk falls has no RMS. Tick times are of this machine, and alone not reproducible bit "
             "for bit.",
         ),

@@ -10,8 +10,6 @@ import numpy as np
 from sim.reproduce import criteria, study
 from sim.reproduce.panels import CONTROLLER_STYLES, Level, LinePanel, Series, Span
 
-BOTH_GAITS = False  # for its cost: the paper's gait alone
-
 LENGTHS = (0.3, 1.0, 3.0)  # [m]
 QUICK_LENGTHS = (0.3, 1.0)
 DIRECTIONS = {"up": 1.0, "down": -1.0}
@@ -66,6 +64,7 @@ def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
         )
         for plant in study.PLANTS
         for controller in study.CONTROLLERS
+        if not effort.beside  # a gait of its own
     }
     return (
         walks
@@ -203,6 +202,8 @@ def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
         return study.Verdict.of(claim, "navigates (video)", judge)
 
     def slower(plant: str) -> study.Finding:
+        if effort.beside:
+            return study.Finding(text="a gait of its own", holds=None)
         runs = [results[f"{plant}/{controller}/slow"] for controller in study.CONTROLLERS]
         text = ", ".join(
             f"{study.CONTROLLER_NAMES[controller]} {_fate(run)}"

@@ -8,8 +8,6 @@ import numpy as np
 from sim.reproduce import study
 from sim.reproduce.panels import BLACK, BLUE, GREY, ORANGE, LinePanel, Series
 
-BOTH_GAITS = False  # for its cost: the paper's gait alone
-
 FORCES = (25.0, 30.0, 40.0)  # [N]
 STEPS, QUICK_STEPS = 10, 6
 TORSO = 0.63  # [m], RABBIT's
