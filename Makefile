@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test fuzz tools check bench docs trials-proof logs-proof clean help
+.PHONY: run test fuzz tools check bench wheel docs trials-proof logs-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -33,6 +33,9 @@ check: $(STAMP)  ## lint, format, types and import contracts
 
 bench: $(STAMP)  ## measure ticks, solves and runs against their targets, or ARGS="--quick"
 	@$(BIN)/cmpc bench $(ARGS)
+
+wheel: $(STAMP)  ## build the wheel, and walk with it alone in an empty folder
+	@$(BIN)/python tests/wheel.py
 
 docs: $(STAMP)  ## draw the picture of docs/architecture.md from the code's imports
 	@$(BIN)/python docs/architecture.py

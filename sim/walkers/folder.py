@@ -8,8 +8,9 @@ from pathlib import Path
 from sim.errors import UserError
 from sim.scenario import Scenario, names_a_path
 
-SHIPPED = Path(__file__).resolve().parents[2] / "models"
-"""Beside this package in a checkout and in an installation alike."""
+PLACES = tuple(Path(__file__).resolve().parents[up] / "models" for up in (2, 1))
+SHIPPED = next((place for place in PLACES if (place / "rabbit").is_dir()), PLACES[0])
+"""Beside the packages in a checkout; in `sim` where they are installed, as others may have folders named so."""
 DEFAULT_GAIT = Scenario().gait
 MOST_NAMED = 6  # gaits that a message lists
 
