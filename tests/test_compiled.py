@@ -23,7 +23,8 @@ def house(tmp_path):
     """A folder with a package `controller` in which one kernel calls another's file."""
     package = tmp_path / "house" / "controller"
     (package / "common").mkdir(parents=True)
-    shutil.copy(ROOT / "controller" / "common" / "compiled.py", package / "common")
+    for file in ("compiled.py", "disk.py"):
+        shutil.copy(ROOT / "controller" / "common" / file, package / "common")
     for folder in (package, package / "common"):
         (folder / "__init__.py").touch()
     (package / "callee.py").write_text(CALLEE.format("0.5 * x"))

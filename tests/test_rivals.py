@@ -12,8 +12,8 @@ from sim.bridge import run as bridge
 from sim.interface import Observation
 from sim.loop import EachTick
 from sim.scenario import Scenario, with_values
-from sim.trials import TrialSpec, run_trial
 from sim.trials.plan.plan import from_toml
+from sim.trials.run import TrialSpec, run_trial
 from sim.trials.run.result import result_without_times
 
 KINDS = ("clf-qp", "output-mpc")

@@ -19,11 +19,10 @@ import pytest
 
 from sim import cli
 from sim.errors import UserError
-from sim.trials import TrialSpec, run_plan, run_trial
 from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import differences, from_toml, shipped_names, to_toml
 from sim.trials.report.findings import random_findings, sides
-from sim.trials.run import Results, TrialResult
+from sim.trials.run import Results, TrialResult, TrialSpec, run_plan, run_trial
 from sim.trials.run.folder import FILE
 from sim.trials.run.recall import open_results, stored_scenario
 from sim.trials.run.result import result_without_times

@@ -22,8 +22,10 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
-from numba.core.caching import FunctionCache, _CacheLocator
+from numba.core.caching import _CacheLocator
 from numpy.typing import NDArray
+
+from controller.common.disk import KernelCache
 
 Array = NDArray[np.float64]
 
@@ -52,10 +54,7 @@ def generic(function: Callable[..., Any]) -> Any:
     does not have one of them compiles anew.
     """
     _GENERIC.add(function)
-    kernel = _kept(function)
-    with _our_locator():
-        kernel._cache = _TolerantCache(function)
-    return kernel
+    return _kept(function)
 
 
 _GENERIC: set[Callable[..., Any]] = set()
@@ -90,8 +89,11 @@ def compiled_beside(module: str) -> Iterator[None]:
 
 
 def _kept(function: Callable[..., Any], forceinline: bool = False) -> Any:
+    options: dict[str, Any] = {"error_model": "numpy", "forceinline": forceinline, "no_cfunc_wrapper": True}
+    kernel: Any = numba.njit(**options)(function)
     with _our_locator():
-        return numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
+        kernel._cache = KernelCache(function)
+    return kernel
 
 
 @contextlib.contextmanager
@@ -102,25 +104,6 @@ def _our_locator() -> Iterator[None]:
         yield
     finally:
         numba.config.CACHE_LOCATOR_CLASSES = others  # type: ignore[attr-defined]
-
-
-class _TolerantCache(FunctionCache):
-    """Takes what lies on disk for missing where it names records that this process cannot import."""
-
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        """What lies there, or None."""
-        try:
-            return super().load_overload(signature, target)
-        except (ImportError, AttributeError):
-            return None
-
-    def save_overload(self, signature: Any, data: Any) -> None:
-        """Keep a kernel, in place of those of strangers."""
-        try:
-            super().save_overload(signature, data)
-        except (ImportError, AttributeError):
-            self.flush()
-            super().save_overload(signature, data)
 
 
 class Locator(_CacheLocator):
