@@ -11,10 +11,12 @@ if TYPE_CHECKING:
     from controller.common.records import JOINTS, ControlStep, Leg, Observation, Status
     from controller.common.units import AT_LEAST_ONE, FRACTION, NOT_NEGATIVE, POSITIVE, Doc, Range, Unit
     from controller.facade import outputs
+    from controller.observer import Estimate, PushObserver
 
 _HOMES = {
     "belief": ("Gait", "StanceEstimator", "WalkerModel"),
     "facade": ("outputs",),
+    "observer": ("Estimate", "PushObserver"),
     "common.records": ("JOINTS", "ControlStep", "Leg", "Observation", "Status"),
     "common.units": ("AT_LEAST_ONE", "FRACTION", "NOT_NEGATIVE", "POSITIVE", "Doc", "Range", "Unit"),
 }
@@ -28,9 +30,11 @@ __all__ = [
     "POSITIVE",
     "ControlStep",
     "Doc",
+    "Estimate",
     "Gait",
     "Leg",
     "Observation",
+    "PushObserver",
     "Range",
     "StanceEstimator",
     "Status",

@@ -49,12 +49,19 @@ class Hung(BaseException):
     """Raised in the midst of code that takes too long, past whatever it catches."""
 
 
+def guarded(controller: Any) -> "Guarded | None":
+    """The controller from outside in a controller, whatever stands around it."""
+    while not isinstance(controller, Guarded) and hasattr(controller, "inner"):
+        controller = controller.inner
+    return controller if isinstance(controller, Guarded) else None
+
+
 @contextlib.contextmanager
 def hangs_end(controller: Any) -> Iterator[None]:
     """End a tick of a controller from outside that takes longer than `PATIENCE`; in a main thread of POSIX alone."""
-    watched = controller.inner if isinstance(getattr(controller, "inner", None), Guarded) else controller
+    watched = guarded(controller)
     main = threading.current_thread() is threading.main_thread()
-    if not isinstance(watched, Guarded) or not main or not hasattr(signal, "setitimer"):
+    if watched is None or not main or not hasattr(signal, "setitimer"):
         yield
         return
 

@@ -17,6 +17,7 @@ from controller.common import outside
 from controller.common.records import Controller
 from controller.common.settings import BUILT_IN, ControllerSettings
 from controller.guard import Guarded
+from controller.observer import Observed, PushObserver
 from controller.qp import Solver, make_solver
 
 if TYPE_CHECKING:
@@ -61,19 +62,27 @@ def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None
     """
     if settings.knows != belief.model.known:
         belief = dataclasses.replace(belief, model=belief.model.knowing(settings.knows))
+    observer = PushObserver(
+        belief.model, settings.observer, period=settings.period, impact_time=settings.impact_time
+    )
+    asks = settings.observer.enabled
     if settings.kind == "c-mpc":
         law: Law | Guarded = _c_mpc(settings, belief, solver)
     elif settings.kind in BUILT_IN:
         law = _FACTORIES[settings.kind](settings, belief)
     else:
-        law = _from_outside(settings, belief)
+        law = _from_outside(settings, belief, observer)
+        asks = asks or outside.asks_for(outside.find(settings.kind), "observer")
     if isinstance(law, Law):
         law.stance = StanceEstimator(belief.model, impact_time=settings.impact_time)
-    if not settings.gait_fitting.enabled:
-        return law
-    from controller.fitting.controller import GaitFitting
+    controller: Controller = law
+    if settings.gait_fitting.enabled:
+        from controller.fitting.controller import GaitFitting
 
-    return GaitFitting(law, belief.model, _family(belief), settings.gait_fitting)
+        controller = GaitFitting(law, belief.model, _family(belief), settings.gait_fitting)
+    if not asks:
+        return controller
+    return Observed(controller, observer, StanceEstimator(belief.model, impact_time=settings.impact_time))
 
 
 @functools.lru_cache(maxsize=4)
@@ -113,11 +122,11 @@ def _zd_pd(settings: ControllerSettings, belief: Belief) -> Law:
     return ZeroDynamicsController(belief.model, belief.gait, _gains(settings))
 
 
-def _from_outside(settings: ControllerSettings, belief: Belief) -> Guarded:
-    """A controller by its name; its factory may ask for the model, the gait, and every setting of all controllers."""
+def _from_outside(settings: ControllerSettings, belief: Belief, observer: PushObserver) -> Guarded:
+    """A controller by its name; its factory may ask for model, gait, observer and every setting of all controllers."""
     found = outside.find(settings.kind)
     common = {field.name: getattr(settings, field.name) for field in dataclasses.fields(ControllerSettings)}
-    offers = {"model": belief.model, "gait": belief.gait} | common
+    offers = common | {"model": belief.model, "gait": belief.gait, "observer": observer}
     inner = outside.call(found, offers, getattr(settings, "settings", None) or (found.settings and found.settings()))
     return Guarded(inner, found, belief.model, belief.gait)
 

@@ -176,6 +176,11 @@ def call(outside: Outside, offers: Mapping[str, Any], settings: Any) -> Any:
         raise UserError(f"controller {outside.kind}: {place(error, outside.file)}") from error
 
 
+def asks_for(outside: Outside, name: str) -> bool:
+    """Whether a factory has a parameter of that name that is not its settings."""
+    return name in _parameters(outside.factory) and name != outside.taken
+
+
 def place(error: BaseException, file: Path | None, called: str = "") -> str:
     """What went wrong and where, in one line.
 

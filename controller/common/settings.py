@@ -157,6 +157,29 @@ class OutputMpcSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ObserverSettings:
+    """What the observer of pushes, loads and slopes makes of the momentum about the stance foot.
+
+    Attributes:
+        enabled: Whether it runs beside the controller, its estimates in the log; controllers that need it run their
+            own in any case.
+        lag: Time until nine tenths of a push that begins are seen.
+        noise: Standard deviation of the angular momentum measured in one tick; the larger, the slower a load is learnt.
+        load_doubt: Standard deviation of the load on the torso at the first touch-down; 0 believes in none, ever. What
+            acts before that is taken for a push.
+        load_walk: How fast the load may change.
+        slope_memory: Share of the old slope kept at a touch-down.
+    """
+
+    enabled: bool = False
+    lag: Annotated[Second, Range(low=5e-3, high=1.0, words="between 0.005 and 1")] = 0.045
+    noise: Annotated[float, Unit("kg.m^2/s"), POSITIVE] = 0.2
+    load_doubt: Annotated[float, Unit("kg"), NOT_NEGATIVE] = 1.0
+    load_walk: Annotated[float, Unit("kg/s^0.5"), NOT_NEGATIVE] = 0.1
+    slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
     """Which of a walker's properties beyond masses, lengths and damping its controller knows; the plant has them all.
 
@@ -197,6 +220,7 @@ class ControllerSettings:
         clf: Tuning of clf-qp.
         output_mpc: Tuning of output-mpc.
         gait_fitting: Which gait to follow.
+        observer: What it makes of pushes, loads and slopes.
         knows: What of the walker it knows.
     """
 
@@ -215,6 +239,7 @@ class ControllerSettings:
     clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
     output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
     gait_fitting: FittingSettings = dataclasses.field(default_factory=FittingSettings)
+    observer: ObserverSettings = dataclasses.field(default_factory=ObserverSettings)
     knows: Known = dataclasses.field(default_factory=Known)
 
     @classmethod

@@ -15,7 +15,7 @@ from controller.common import outside
 from controller.common.compiled import compiled_beside, on_disk
 from controller.common.records import Leg, StanceState
 from controller.common.settings import BUILT_IN
-from controller.guard import Guarded, hangs_end
+from controller.guard import guarded, hangs_end
 from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
@@ -146,7 +146,7 @@ def warm_up(controller: Controller, observation: Observation, announce: Announce
         observation: Anything legal.
         announce: Told a line for the user where compiling will take long.
     """
-    if isinstance(controller, Guarded):  # one from outside may count its ticks
+    if guarded(controller):  # one from outside may count its ticks
         return
     first = not on_disk(roll_out if isinstance(controller, CascadedMpc) else zero_dynamics)
     if announce and first:

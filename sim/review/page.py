@@ -62,8 +62,13 @@ def _panels(runs: list[Run], signals: list[Signals]) -> list[Panel]:
     def has_data(key: str) -> bool:
         return any(key in one.columns and bool(np.nan_to_num(one.columns[key]).any()) for one in signals)
 
+    def there(key: str) -> bool:
+        return any(key in one.columns for one in signals)
+
     units = {name: unit for run in runs for name, unit in diagnostics_units(run).items()}
-    return [panel for panel in (*PANELS, *diagnostics_panels(units)) if any(has_data(line.key) for line in panel.lines)]
+    panels = [*PANELS, *diagnostics_panels(units)]
+    panels = [replace(panel, lines=tuple(x for x in panel.lines if there(x.key))) for panel in panels]
+    return [panel for panel in panels if any(has_data(line.key) for line in panel.lines)]
 
 
 def _panel(panel: Panel) -> dict[str, Any]:

@@ -198,6 +198,7 @@ PANELS = (
         lines=(
             Line(key="push.x", label="forward", colour="mpc"),
             Line(key="push.z", label="up", colour="zd"),
+            Line(key="diagnostics.observed_push", label="observed", colour="ink"),
         ),
     ),
 )
