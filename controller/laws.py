@@ -62,9 +62,7 @@ def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None
     """
     if settings.knows != belief.model.known:
         belief = dataclasses.replace(belief, model=belief.model.knowing(settings.knows))
-    observer = PushObserver(
-        belief.model, settings.observer, period=settings.period, impact_time=settings.impact_time
-    )
+    observer = PushObserver(belief.model, settings.observer, period=settings.period, impact_time=settings.impact_time)
     asks = settings.observer.enabled
     if settings.kind == "c-mpc":
         law: Law | Guarded = _c_mpc(settings, belief, solver)

@@ -174,7 +174,7 @@ class ObserverSettings:
     enabled: bool = False
     lag: Annotated[Second, Range(low=5e-3, high=1.0, words="between 0.005 and 1")] = 0.045
     noise: Annotated[float, Unit("kg.m^2/s"), POSITIVE] = 0.2
-    load_doubt: Annotated[float, Unit("kg"), NOT_NEGATIVE] = 1.0
+    load_doubt: Annotated[float, Unit("kg"), NOT_NEGATIVE] = 0.5
     load_walk: Annotated[float, Unit("kg/s^0.5"), NOT_NEGATIVE] = 0.1
     slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
 

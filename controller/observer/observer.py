@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.belief import WalkerModel, kernels
-from controller.belief.kernels import Stage
-from controller.belief.stance import StanceEstimator
-from controller.common.compiled import Array, compiled
-from controller.common.records import Leg, Observation, StanceState, Vector
+from controller.common.compiled import compiled
+from controller.common.records import Leg, Observation, StanceState
 from controller.common.settings import ObserverSettings
 from controller.observer.momentum import MEMORY, Body, Tuning, forget, observe
 
@@ -50,7 +48,12 @@ class PushObserver:
     """
 
     def __init__(
-        self, model: WalkerModel, settings: ObserverSettings | None = None, *, period: float = 1e-3, impact_time: float = 0.012
+        self,
+        model: WalkerModel,
+        settings: ObserverSettings | None = None,
+        *,
+        period: float = 1e-3,
+        impact_time: float = 0.012,
     ) -> None:
         """Put the parts together.
 
@@ -114,8 +117,6 @@ def tuning_of(settings: ObserverSettings, period: float, impact_time: float) -> 
 
 
 @compiled
-def _take(
-    body: Body, tuning: Tuning, memory, stage: Stage, t: float, leg: int, stands: bool, q: Array, dq: Array
-):  # type: ignore[no-untyped-def]
+def _take(body, tuning, memory, stage, t, leg, stands, q, dq):  # type: ignore[no-untyped-def]
     kernels.place(q, dq, stage)
     observe(body, tuning, memory, stage, t, leg, stands)

@@ -1,5 +1,6 @@
 """One HTML page from a log, or from two: everything in it, nothing fetched, nothing in it executed but ours."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
