@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test fuzz tools check bench wheel docs trials-proof logs-proof clean help
+.PHONY: run test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -37,8 +37,16 @@ bench: $(STAMP)  ## measure ticks, solves and runs against their targets, or ARG
 wheel: $(STAMP)  ## build the wheel, and walk with it alone in an empty folder
 	@$(BIN)/python tests/wheel.py
 
-docs: $(STAMP)  ## draw the picture of docs/architecture.md from the code's imports
+docs: $(STAMP)  ## build the site of docs/ into site/, every link checked; draw the picture of the architecture
 	@$(BIN)/python docs/architecture.py
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
+
+docs-test: $(STAMP)  ## run every command block and snippet of README and docs, and every example, some ten minutes
+	@$(BIN)/python tests/documents.py $(ARGS)
+
+pictures: $(STAMP)  ## make the pictures of the pages in docs/ anew; needs Chromium
+	@$(BIN)/python docs/pictures.py $(ARGS)
 
 trials-proof: $(STAMP)  ## the long proofs about campaigns: kills, a cluster, 10,000 trials, full disks
 	@$(BIN)/python -m pytest -m campaign -rA --durations=0 tests/test_trials_campaign.py $(ARGS)
@@ -47,7 +55,7 @@ logs-proof: $(STAMP)  ## 1000 mutated logs and 100 falsified results through eve
 	@CMPC_MUTATIONS=1000 CMPC_FALSE=100 $(BIN)/python -m pytest tests/test_log_mutations.py tests/test_log_false.py $(ARGS)
 
 clean:  ## remove the environment and every cache; logs stay
-	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv build dist site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find controller sim models tests -name __pycache__ -prune -exec rm -rf {} +
 
 help:  ## show this

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     __version__: str
     from controller.common.errors import UserError
     from controller.common.records import Controller, ControlStep, Observation
-    from sim.api import read, run, run_trials, write_review
+    from sim.api import design, read, replay, run, run_trials, write_review
     from sim.loop import RunSummary as Summary
     from sim.review.shown import Log
     from sim.scenario import Scenario, load, with_value, with_values
@@ -32,8 +32,10 @@ _HOMES = {
     "Scenario": ("sim.scenario", "Scenario"),
     "Summary": ("sim.loop", "RunSummary"),
     "UserError": ("controller.common.errors", "UserError"),
+    "design": ("sim.api", "design"),
     "load": ("sim.scenario", "load"),
     "read": ("sim.api", "read"),
+    "replay": ("sim.api", "replay"),
     "run": ("sim.api", "run"),
     "run_trials": ("sim.api", "run_trials"),
     "with_value": ("sim.scenario", "with_value"),
@@ -51,8 +53,10 @@ __all__ = [
     "Summary",
     "UserError",
     "__version__",
+    "design",
     "load",
     "read",
+    "replay",
     "run",
     "run_trials",
     "with_value",

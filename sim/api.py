@@ -2,19 +2,23 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from controller.common import outside
+from sim.bridge.gaits import Requirements, design_gait
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
-from sim.log.read import salvage
+from sim.log.read import read_log, salvage
+from sim.log.read.attachments import scenario_of
 from sim.loop import RunSummary
 from sim.review import shown
 from sim.review.page import write_page
+from sim.review.replay import Verdict, rerun
+from sim.review.replay import replay as replayed
 from sim.review.shown import Log
-from sim.scenario import Scenario, load, with_value
+from sim.scenario import Scenario, load, with_value, with_values
 from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import from_toml
 from sim.trials.run import Results, run_plan
@@ -114,6 +118,72 @@ def write_review(log: Path | str, page: Path | str, *, other: Path | str | None 
             cannot be written.
     """
     write_page([salvage(path) for path in (log, other) if path is not None], Path(page))
+
+
+@one_level
+def replay(
+    log: Path | str, changes: Mapping[str, Any] | None = None, *, controller: Any = None, out: Path | str | None = None
+) -> Verdict | RunSummary:
+    """Run a log again: as it was, or with a change.
+
+    Args:
+        log: An MCAP log.
+        changes: New values by dotted path, `{"plant.ground.friction": 0.4}`; nothing for the run as it was.
+        controller: Instead of the log's, as for `run`.
+        out: Log of the changed run; None for none.
+
+    Returns:
+        As it was: a `Verdict`, whose `identical` says whether every tick agrees to the last bit. With a change: how the
+        changed run ended.
+
+    Raises:
+        UserError: the log does not hold what it takes, or a setting is not legal.
+    """
+    known = read_log(log)
+    new = dict(changes or {}) | ({"controller.kind": _kind(controller)} if controller is not None else {})
+    if not new:
+        return replayed(known)
+    return rerun(known, with_values(scenario_of(known), new), Path(out) if out is not None else None)
+
+
+@one_level
+def design(
+    walker: str = "rabbit", *, step_length: float, speed: float, out: Path | str, force: bool = False, **more: Any
+) -> Path:
+    """Design a gait: the cheapest that keeps the requirements, the same bytes every time.
+
+    Args:
+        walker: A shipped walker, or a folder.
+        step_length: In [m].
+        speed: In [m/s].
+        out: The gait's .toml file.
+        force: Whether to write over another file that is there.
+        more: Further fields of `controller.design.requirements.Requirements`, such as `torque_share=0.8`.
+
+    Returns:
+        The file.
+
+    Raises:
+        UserError: no gait keeps the requirements; the message says which stand in the way and by how much.
+    """
+    request = {"step_length": step_length, "speed": speed, **more}
+    unknown = set(request) - {field.name for field in dataclasses.fields(Requirements)}
+    if unknown:
+        legal = ", ".join(field.name for field in dataclasses.fields(Requirements))
+        raise UserError(f"design: {', '.join(sorted(unknown))}: unknown requirement; must be of {legal}")
+    made, _ = design_gait(
+        walker,
+        request,
+        degree=6,
+        cost="torque",
+        warm=None,
+        starts=2,
+        name=None,
+        out=Path(out),
+        force=force,
+        say=lambda line: None,
+    )
+    return made.path
 
 
 def _kind(controller: Any) -> str:

@@ -4,10 +4,13 @@ import ast
 import importlib.util
 import re
 
+import documents
 import pytest
 from conftest import ROOT
 
 from sim.cli import COMMANDS
+from sim.commands.new import CONTROLLER
+from sim.scenario import settings_table
 
 TEXT = (ROOT / "docs" / "architecture.md").read_text()
 PATH = re.compile(r"`((?:controller|sim|docs|tests|models)/[\w./]+)`")
@@ -71,3 +74,44 @@ def test_commands_and_targets_of_a_document_exist(document):
     assert set(re.findall(r"^cmpc (\w+)", text, re.M)) <= set(COMMANDS)
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
     assert set(re.findall(r"`make ([a-z-]+)", text)) <= targets
+
+
+@pytest.mark.parametrize("page", documents.PAGES, ids=lambda page: page.name)
+def test_every_command_of_a_page_is_one_the_program_takes(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(CONTROLLER)
+    for snippet in documents.snippets(page):
+        named = re.match(r"# ([\w./-]+\.(?:py|toml))\n", snippet.text)
+        if named:
+            (tmp_path / named[1]).write_text(snippet.text)
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
+    for line, command in documents.commands(page):
+        if command.startswith("make "):
+            assert command.split()[1] in targets, (line, command)
+        else:
+            documents.parse(command)
+
+
+def test_each_message_of_the_page_of_errors_is_the_programs_own():
+    page = (ROOT / "docs" / "errors.md").read_text()
+    messages = re.findall(r"^\| `([^`]+)` \|", page, re.M)
+    texts = [path.read_text() for folder in ("sim", "controller") for path in (ROOT / folder).rglob("*.py")]
+    source = "\n".join(re.sub(r'"\s*\n\s*f?"', "", text) for text in texts)
+    assert len(messages) >= 25 and [words for words in messages if words not in source] == []
+
+
+def test_the_page_of_settings_has_every_one_with_its_unit():
+    spec = importlib.util.spec_from_file_location("reference", ROOT / "docs" / "reference.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    page = module.page()
+    for row in settings_table():
+        name = row.path.rpartition(".")[2]
+        assert re.search(rf"^\| `{name}` \| {re.escape(row.spec.unit)} \|", page, re.M), row.path
+
+
+def test_the_site_has_every_page_once():
+    site = (ROOT / "mkdocs.yml").read_text()
+    pages = re.findall(r": ([\w-]+\.md)$", site, re.M)
+    assert len(pages) == len(set(pages))
+    assert set(pages) == {path.name for path in (ROOT / "docs").glob("*.md")} | {"settings.md"}

@@ -28,6 +28,7 @@ __all__ = [
     "COST_UNIT",
     "ROLES",
     "Report",
+    "Requirements",
     "belief",
     "beliefs",
     "check_gait",

@@ -27,6 +27,16 @@ WIDTH, HEIGHT = 560.0, 120.0  # [pixel]
 class Log(Run):
     """A log as frames that a notebook shows as a card; `/topic` -> columns by dotted field name."""
 
+    @property
+    def answer(self) -> str:
+        """How the run ended, why and when, in one sentence."""
+        return answer(self)[0]
+
+    @property
+    def onset(self) -> float | None:
+        """The moment in [s] at which a fall began, None without one."""
+        return answer(self)[1]
+
     def _repr_html_(self) -> str:
         """The card."""
         return card(self)
