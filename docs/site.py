@@ -12,6 +12,15 @@ ROOT = Path(__file__).resolve().parents[1]
 OUT = re.compile(r"(!?)\[([^\]]*)\]\((\.\./[^)#\s]+)(?:#[^)]*)?\)")
 
 
+def on_config(config: Any) -> Any:
+    """Put pages that the navigation of mkdocs.yml does not name at its end."""
+    named = re.findall(r"[\w-]+\.md", str(config.nav))
+    rest = sorted({path.name for path in (ROOT / "docs").glob("*.md")} - set(named))
+    if rest:
+        config.nav.append({"More": rest})
+    return config
+
+
 def on_files(files: Any, config: Any) -> Any:
     """Add settings.md."""
     from mkdocs.structure.files import File
