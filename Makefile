@@ -23,7 +23,7 @@ fuzz: $(STAMP)  ## 2,000 seeded mutations of every kind of file through the comm
 tools: $(STAMP)  ## tests of what browsers, Node, pyarrow and OpenGL make of a log; needs npm, uses what is there
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev,parquet,video]"
 	@npm ci --silent --prefix tests/node
-	@$(BIN)/python -m pytest -ra tests/test_logs.py tests/test_node_reader.py tests/test_review_page.py tests/test_pages.py tests/test_film.py
+	@$(BIN)/python -m pytest -ra tests/test_logs.py tests/test_node_reader.py tests/test_review_page.py tests/test_review_browser.py tests/test_pages.py tests/test_film.py
 
 check: $(STAMP)  ## lint, format, types and import contracts
 	@$(BIN)/ruff check .

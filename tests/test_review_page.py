@@ -11,6 +11,7 @@ from sim.cli import main
 from sim.log.read import read_log
 from sim.review import load
 from sim.review.layouts import TABS, foxglove, plotjuggler, series_name
+from sim.review.mechanics import mechanics_of
 from sim.review.page import page
 from sim.review.panels import PANELS
 from sim.review.signals import Signals, decimated, signals_of
@@ -119,7 +120,9 @@ def test_decimation_keeps_every_peak():
 
 
 def test_every_panel_names_signals_that_exist(logs):
-    columns = signals_of(load(logs[0])).columns
+    run = load(logs[0])
+    columns = signals_of(run).columns
+    columns |= mechanics_of(run, columns)
     assert {line.key for panel in PANELS for line in panel.lines} | {p.x for p in PANELS if p.x} <= set(columns)
 
 
@@ -188,11 +191,12 @@ def test_every_plot_is_drawn(browser, pages, tmp_path, theme):
     browser.open(pages[0], f"#t=0.3&theme={theme}")
     show_all(browser)
     picture = browser.screenshot(tmp_path / "page.png")
-    plots = boxes(browser, ".plot canvas:first-child")
+    plots = boxes(browser, "#plots .plot canvas:first-child")
     assert len(plots) == len(data_of(pages[0].read_text())["panels"])
     empty = {name: ink(picture, box) for name, box in plots.items() if ink(picture, box) < 150}
     assert not empty
     assert ink(picture, next(iter(boxes(browser, "#figure").values()))) > 300
+    assert ink(picture, boxes(browser, "#bands .plot canvas:first-child")["plot-bands"]) > 1000
     assert browser.complaints == []
     assert [url for url in browser.requests if not url.startswith(("file:", "data:"))] == []
 
@@ -243,7 +247,7 @@ def test_keys_zoom_hover_and_play(browser, pages, logs):
     assert narrow == pytest.approx(0.7 * browser.run("cmpc.end"))
     browser.press("r")
     x, y, w, h = browser.run(
-        "(r => [r.x, r.y, r.width, r.height])(document.querySelector('.plot').getBoundingClientRect())"
+        "(r => [r.x, r.y, r.width, r.height])(document.querySelector('#plots .plot').getBoundingClientRect())"
     )
     browser.mouse("mouseMoved", x + w / 2, y + h / 2)
     assert browser.run("cmpc.hover") == pytest.approx(browser.run("cmpc.end") / 2, rel=0.15)
@@ -273,28 +277,6 @@ def test_two_logs_overlay_and_differ(browser, pages, logs):
     shown = browser.run("document.querySelector('#plot-torso b').textContent").replace("−", "-").removesuffix(" rad")
     assert float(shown) == pytest.approx(gap, rel=0.01)
     assert browser.complaints == []
-
-
-def test_no_key_breaks_a_page_of_one_log(browser, pages):
-    browser.complaints.clear()
-    browser.open(pages[0], "#theme=light")
-    for key in ("b", "p", "d", "r", "[", "]", "+", "-", "Home", "End", "ArrowLeft", "ArrowRight", "b"):
-        browser.press(key)
-    assert browser.run("cmpc.mode") == "overlay" and browser.complaints == []
-    show_all(browser)
-    picture = browser.screenshot()
-    assert min(ink(picture, box) for box in boxes(browser, ".plot canvas:first-child").values()) > 150
-
-
-def test_a_printed_page_has_its_plots(browser, pages):
-    """Chromium draws for paper what the page prepared before printing; each plot is there, in light colours."""
-    browser.open(pages[0], "#theme=dark")
-    browser.resize(900)
-    browser.run("window.dispatchEvent(new Event('beforeprint'))")
-    assert browser.run("document.documentElement.dataset.theme") == "light"
-    assert browser.run("cmpc.plots.every(plot => plot.drawn && plot.base.width > 300)")
-    browser.run("window.dispatchEvent(new Event('afterprint'))")
-    assert browser.run("document.documentElement.dataset.theme") == "dark"
 
 
 def test_pushes_are_shaded(pages):

@@ -148,8 +148,11 @@ class Plot {
 
   limits() { return this.app.mode === "difference" ? [] : this.app.limits(this.panel.limits); }
 
-  draw() {
-    const [g, w, h] = sharp(this.base), lines = this.shown(), { left, right, top, bottom } = GUTTER;
+  draw() { this.paint(...sharp(this.base)); }
+
+  /* Everything but cursors, on a canvas or anything that draws like one. */
+  paint(g, w, h) {
+    const lines = this.shown(), { left, right, top, bottom } = GUTTER;
     let [y0, y1] = this.range(lines);
     const inner = { x: left, y: top, w: w - left - right, h: h - top - bottom };
     let [x0, x1] = [this.app.view.from, this.app.view.to];
@@ -251,16 +254,7 @@ class Plot {
   point() {
     const [g] = sharp(this.top), t = this.app.hover ?? this.app.t, { inner } = this;
     if (!inner) return;
-    if (!this.panel.x) {
-      for (const [at, colour] of [[this.app.t, "ink"], [this.app.hover, "muted"]]) if (at != null && at >= this.app.view.from && at <= this.app.view.to) {
-        g.strokeStyle = css(colour); g.lineWidth = 1; g.beginPath(); g.moveTo(this.px(at), inner.y); g.lineTo(this.px(at), inner.y + inner.h); g.stroke();
-      }
-      if (this.app.drag && this.app.drag.wide) {
-        const [a, b] = [this.app.drag.from, this.app.drag.to].map(this.px); g.fillStyle = css("c1"); g.globalAlpha = 0.15;
-        g.fillRect(Math.min(a, b), inner.y, Math.abs(b - a), inner.h); g.globalAlpha = 1;
-      }
-      this.ahead(g, t);
-    }
+    if (!this.panel.x) { this.cursors(g); this.ahead(g, t); }
     g.save(); g.beginPath(); g.rect(inner.x - 4, inner.y - 4, inner.w + 8, inner.h + 8); g.clip();
     for (const { one, value, id } of this.labels) {
       if (one.source.unordered) continue;
@@ -271,6 +265,17 @@ class Plot {
       g.fillStyle = css(one.line.colour); g.beginPath(); g.arc(this.px(one.x[i]), this.py(one.y[i]), this.panel.x ? 5 : 2.8, 0, TAU); g.fill();
     }
     g.restore();
+  }
+
+  cursors(g) {
+    const { inner, app } = this;
+    for (const [at, colour] of [[app.t, "ink"], [app.hover, "muted"]]) if (at != null && at >= app.view.from && at <= app.view.to) {
+      g.strokeStyle = css(colour); g.lineWidth = 1; g.beginPath(); g.moveTo(this.px(at), inner.y); g.lineTo(this.px(at), inner.y + inner.h); g.stroke();
+    }
+    if (app.drag && app.drag.wide) {
+      const [a, b] = [app.drag.from, app.drag.to].map(this.px); g.fillStyle = css("c1"); g.globalAlpha = 0.15;
+      g.fillRect(Math.min(a, b), inner.y, Math.abs(b - a), inner.h); g.globalAlpha = 1;
+    }
   }
 
   /* The last half second of a phase portrait. */

@@ -33,11 +33,12 @@ class Figure {
     const [g, w, h] = sharp(this.canvas), app = this.app, first = app.runs[0];
     const f = this.frame(first, app.t);
     if (!f.every(Number.isFinite)) return;
-    const scale = h / 1.85, x0 = f[Q.x], level = this.under(first, x0).z;
+    const scale = Math.min(h / 1.85, w / 1.2), x0 = f[Q.x], level = this.under(first, x0).z;
     const X = (x) => w * 0.5 + (x - x0) * scale, Z = (z) => h * 0.86 - (z - level) * scale;
     this.ground(g, w, X, Z, x0, scale, first);
-    app.runs.slice(1).forEach((run) => {
-      if (app.t <= run.end + 1e-3) { g.globalAlpha = 0.4; this.walker(g, X, Z, run, this.frame(run, app.t), scale); g.globalAlpha = 1; }
+    app.runs.slice(1).forEach((run, i) => {
+      const t = app.ofRun(i + 1, app.t);
+      if (t <= run.end + 1e-3) { g.globalAlpha = 0.4; this.walker(g, X, Z, run, this.frame(run, t), scale); g.globalAlpha = 1; }
     });
     this.trail(g, X, Z, first);
     this.walker(g, X, Z, first, f, scale);

@@ -13,6 +13,10 @@ from sim.scenario import Scenario, from_toml, load, settings_table, shipped
 MOST_EVENTS = 500
 MOST_CHANGES = 4  # in the headline
 WORDS = ("name", "description")
+UNKNOWN = ("plant.", "sensors.", "actuation.")
+"""Settings of what a controller is not told."""
+KNOWN = ("plant.kind", "plant.scuff", "plant.timestep", "plant.integrator", "plant.ground.friction")
+"""Among them: how the truth is computed, and what is compared with the controller's own."""
 MOST_POINTS = 20_000  # of the ground
 LONGEST_TEXT = 20_000  # characters of the scenario that are shown
 
@@ -52,12 +56,8 @@ def changed_settings(scenario: Scenario) -> list[tuple[str, str, str]]:
     here, there = ({row.path: row for row in settings_table(one)} for one in (scenario, load(scenario.name)))
     paths = [path for path in {**there, **here} if path not in WORDS]
 
-    def text(rows: Mapping[str, Any], path: str) -> str:
-        row = rows.get(path)
-        return "-" if row is None or row.value is None else f"{number(row.value)} {row.spec.unit or ''}".rstrip()
-
     told = [path for path in paths if path in there or here[path].value != here[path].spec.default]
-    pairs = ((path, text(there, path), text(here, path)) for path in told)
+    pairs = ((path, _setting(there.get(path)), _setting(here.get(path))) for path in told)
     return [(path, a, b) for path, a, b in pairs if a != b]
 
 
@@ -65,6 +65,31 @@ def changed(run: Run) -> list[tuple[str, str, str]]:
     """The same of a log; nothing where its scenario cannot be read."""
     scenario = scenario_of(run)
     return changed_settings(scenario) if scenario else []
+
+
+def disagreements(run: Run) -> list[tuple[str, str, str]]:
+    """What the controller does not know of the plant: what, what is so, what it believes."""
+    scenario = scenario_of(run)
+    if scenario is None:
+        return []
+    found = [
+        (row.path, _setting(row), _value(row.spec.default, row.spec.unit) if row.spec.default is not None else "-")
+        for row in settings_table(scenario)
+        if row.path.startswith(UNKNOWN) and row.path not in KNOWN and row.value not in (None, row.spec.default)
+    ]
+    ground, believed = scenario.plant.ground, scenario.controller.friction
+    if ground.friction != believed:
+        found.append(("friction", number(ground.friction), number(believed)))
+    return found
+
+
+def _setting(row: Any) -> str:
+    """A row of the settings' table as text with its unit, "-" where it is missing."""
+    return "-" if row is None or row.value is None else _value(row.value, row.spec.unit)
+
+
+def _value(value: Any, unit: str | None) -> str:
+    return f"{number(value)} {unit or ''}".rstrip()
 
 
 def description(scenario: Scenario) -> str:

@@ -9,20 +9,22 @@ import numpy as np
 from sim import pages
 from sim.errors import UserError
 from sim.interface import LEGS
-from sim.log.format.fields import OUTPUTS
 from sim.log.read import Log
 from sim.log.read.frames import Run, run_of
 from sim.pages.packing import packed
 from sim.review import facts
 from sim.review.answer import answer
+from sim.review.bands import bands
+from sim.review.horizon import horizon
+from sim.review.mechanics import mechanics_of
 from sim.review.panels import PANELS, Panel, diagnostics_panels
 from sim.review.signals import Signals, decimated, diagnostics_units, difference, signals_of
+from sim.review.steps import HEAD, UNITS, steps
 
 MOST_SAMPLES = 120_000
 """Samples of a signal, which two logs share: a minute of each is there tick by tick."""
 MOST_FRAMES = 6_000
 MOST_PUSHES = 3
-HORIZON_BITS = 9  # dotted lines that are looked at, not read
 MOST_SPANS = 100
 FRAME_RATE = 100.0  # [1/s] of the figure
 
@@ -41,11 +43,15 @@ def page(logs: list[Log]) -> str:
             raise UserError(f"{log.path} {log.unknown_format}")
     runs = [run_of(log) for log in logs]
     signals = [signals_of(run) for run in runs]
+    for run, one in zip(runs, signals, strict=True):
+        one.columns.update(mechanics_of(run, one.columns))
     panels = _panels(runs, signals)
     keys = {line.key for panel in panels for line in panel.lines} | {panel.x for panel in panels if panel.x}
+    keys.add("s")  # by which two runs are aligned
     samples = MOST_SAMPLES // len(runs)
     data: dict[str, Any] = {
         "panels": [_panel(panel) for panel in panels],
+        "steps": [f"{name} [{unit}]" if unit else name for name, unit in zip(HEAD, UNITS, strict=True)],
         "runs": [_run(run, one, keys, samples) for run, one in zip(runs, signals, strict=True)],
     }
     if len(runs) == 2:
@@ -84,6 +90,10 @@ def _run(run: Run, signals: Signals, keys: set[str], samples: int) -> dict[str, 
         "head": facts.headline(run) | {"controller": facts.controller_of(run), "answer": words},
         "began": moment,
         "changed": facts.changed(run),
+        "disagreements": facts.disagreements(run),
+        "bands": bands(run, signals),
+        "steps": steps(run, signals),
+        "ticks": len(signals.t),
         "summary": facts.summary(run),
         "provenance": facts.provenance(run),
         "scenario": facts.scenario_text(run),
@@ -94,7 +104,7 @@ def _run(run: Run, signals: Signals, keys: set[str], samples: int) -> dict[str, 
         "end": float(signals.t[-1]),
         "data": _samples(signals, keys, samples),
         "frames": _frames(run, signals),
-        "horizon": _horizon(run),
+        "horizon": horizon(run),
     }
 
 
@@ -152,29 +162,6 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return 0.0
-
-
-def _horizon(run: Run) -> dict[str, Any] | None:
-    """The MPC's predictions as rows, series by series and stage by stage."""
-    frame = run.frames["/prediction"] if "/prediction" in run.frames else None
-    if frame is None or not len(frame.t):
-        return None
-    series = [f"y.{name}" for name in OUTPUTS] + ["contact_force.normal", "contact_force.tangential"]
-    stages = 0
-    while f"y.{OUTPUTS[0]}[{stages}]" in frame and stages < 200:
-        stages += 1
-    blank = np.full(len(frame.t), np.nan)
-    cube = np.array(
-        [[frame[f"{s}[{k}]"] if f"{s}[{k}]" in frame else blank for k in range(stages)] for s in series]
-    )  # (series, stage, time)
-    keep = max(1, -(-len(frame.t) // MOST_FRAMES))
-    return {
-        "t": packed(frame.t[::keep], bits=22),
-        "series": [*OUTPUTS, "normal", "tangential"],
-        "stages": stages,
-        "period": float(frame["period"][0]) if "period" in frame else 0.0,
-        "numbers": packed(cube.reshape(-1, len(frame.t))[:, ::keep], bits=HORIZON_BITS),
-    }
 
 
 def write_page(logs: list[Log], target: Path) -> None:

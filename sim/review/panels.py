@@ -99,8 +99,33 @@ PANELS = (
         unit="rad/s",
         x="theta",
         x_unit="rad",
-        note="Clock rate over clock; a periodic gait closes on itself.",
-        lines=(Line(key="dtheta", label="dθ/dt", colour="c1"),),
+        note="Clock rate over clock, and the orbit that the gait has where its outputs are zero.",
+        lines=(
+            Line(key="dtheta.nominal", label="nominal orbit", colour="zd"),
+            Line(key="dtheta", label="dθ/dt", colour="c1"),
+        ),
+    ),
+    Panel(
+        name="energy",
+        title="Energy about the stance foot",
+        unit="J",
+        clip=True,
+        note="Kinetic and potential energy above the stance foot; grey: the gait's own at the same clock.",
+        lines=(
+            Line(key="energy.nominal", label="nominal", colour="zd"),
+            Line(key="energy", label="real", colour="c1"),
+        ),
+    ),
+    Panel(
+        name="momentum",
+        title="Angular momentum about the stance foot",
+        unit="N·m·s",
+        clip=True,
+        note="What the zero dynamics live on, positive forwards; grey: the gait's own at the same clock.",
+        lines=(
+            Line(key="momentum.nominal", label="nominal", colour="zd"),
+            Line(key="momentum", label="real", colour="c2"),
+        ),
     ),
     Panel(
         name="friction",

@@ -91,7 +91,9 @@ def _plain(column: Any) -> dict[str, Column]:
         found[name] = column(CONTROL, name)
     for name in COORDINATES:
         found[f"q.{name}"] = column(STATE, f"q.{name}")
+        found[f"dq.{name}"] = column(STATE, f"dq.{name}")
     for leg in LEGS:
+        found[f"foot.{leg}.x"] = column(STATE, f"foot.{leg}.x")
         found[f"clearance.{leg}"] = 1e3 * column(STATE, f"clearance.{leg}")
         for axis in ("normal", "tangential"):
             found[f"force.{leg}.{axis}"] = column(STATE, f"contact_force.{leg}.{axis}")

@@ -25,7 +25,7 @@ from sim.scenario import from_toml
 
 TOLERANCE = 1e-9  # relative; sums in another order differ by less
 _END = re.compile(r"(\w+) after (\d+) steps:\s*(.*)", re.S)
-_IMPACT = re.compile(r"step (\d+): (left|right) foot, ([\d.]+) s, (-?[\d.]+) m")
+IMPACT = re.compile(r"step (\d+): (left|right) foot, ([\d.]+) s, (-?[\d.]+) m")
 _STEP_ROUNDED = 6e-4  # [m]; the event of the last landing tells its length to 1 mm
 
 
@@ -136,7 +136,7 @@ def _words(text: object) -> str:
 def _last_step(events: list[tuple[int, Event]], steps: list[Step], n: int, period: float) -> Step | None:
     """The landing that only the state after the last tick has, from its event."""
     for tick, event in events:
-        match = _IMPACT.fullmatch(event.message) if event.name == "impact" and tick >= n else None
+        match = IMPACT.fullmatch(event.message) if event.name == "impact" and tick >= n else None
         if match:
             began = steps[-1].tick if steps else 0
             return Step(tick=tick, length=float(match[4]), foot=match[2], duration=(tick - began) * period)
