@@ -1,9 +1,13 @@
 """Energy adds up on every shipped scenario and both plants; what the ground does is measured."""
 
+import numpy as np
 import pytest
+from fakes import control_step, plant_state, tell
 
 from sim import cli
 from sim.bridge.audit import Balance, audited, rows
+from sim.bridge.run import run_scenario
+from sim.bridge.steadiness import Steady
 from sim.errors import UserError
 from sim.scenario import load, shipped, with_values
 
@@ -32,6 +36,33 @@ def test_an_impact_on_mujoco_is_near_the_rigid_one_and_the_foot_stays_on_the_gro
     assert found.flight_share == 0.0
     assert 0.0 < found.penetration < 1e-4 < found.penetration_impact < 1e-3  # [m]
     assert dict(rows(found, 0.001))["slip of the stance foot"] == "1.00 mm in all"
+
+
+def test_the_stance_force_is_told_apart_from_one_that_alternates() -> None:
+    steady = Steady(2)
+    for k in range(40):
+        if k == 20:
+            steady.event(k, "info", "impact", "right foot")
+        force = np.zeros((2, 2))
+        force[int(k >= 20), 1] = 300.0 + k + 0.25 * (-1) ** k + (500.0 if k in (20, 21) else 0.0)  # an impact's
+        torque = np.full(4, 90.0 if k == 1 else 55.0 if k == 21 else 40.0 if k < 24 else 60.0)
+        tell(steady, k, plant_state(t=1e-3 * k, contact_force=force, torque=torque), None, control_step(), 0.0)
+    found = steady.found()
+    assert found.alternation == pytest.approx(1.0) and found.alternation_rms == pytest.approx(1.0)
+    assert found.landing_torque == 55.0  # that of the start does not count
+
+
+def test_the_ground_carries_a_pushed_walker_steadily_and_landings_ask_for_little() -> None:
+    def steadiness(name: str, changes: dict):
+        tape = Steady(20)
+        summary = run_scenario(with_values(load(name), changes), tape=tape)
+        return summary, tape.found()
+
+    push = {"pushes.0.force": 20.0, "pushes.0.step": 1, "steps": 4, "controller.kind": "zd-pd"}
+    assert steadiness("push-25N", push)[1].alternation <= 1.0  # [N]; 15 with solimp from 0.95
+    summary, mpc = steadiness("undisturbed", {"gait": "paper-polished", "steps": 4})
+    assert mpc.landing_torque <= 60.0  # [N.m]
+    assert summary.mpc_torque_share <= 0.02
 
 
 def test_an_integrator_with_inner_steps_is_refused() -> None:

@@ -15,9 +15,10 @@ import mujoco
 import numpy as np
 
 from sim.bridge.run import build_rig
+from sim.bridge.steadiness import Steadiness, Steady
 from sim.errors import UserError
 from sim.interface import JOINTS, ControlStep, Observation, PlantState, Vector
-from sim.loop import RunSummary, Stop
+from sim.loop import RunSummary, Stop, Tapes
 from sim.loop.tape import EachTick
 from sim.plant import Energy, MujocoPlant, RigidPlant
 from sim.plant import rigid_equations as equations
@@ -65,6 +66,7 @@ class Findings:
         penetration: Deepest contact at other times in [m].
         flight_share: Share of physics steps without any contact, impacts left out.
         impulses: Of each landing, the ground's impulse (x, z) and that of the rigid impact map in [N.s].
+        steadiness: Of the stance force, and torques after landings.
     """
 
     energy: Balance = field(default_factory=Balance)
@@ -72,6 +74,7 @@ class Findings:
     penetration: float = 0.0
     flight_share: float = 0.0
     impulses: list[tuple[Vector, Vector]] = field(default_factory=list)
+    steadiness: Steadiness = field(default_factory=lambda: Steady(0).found())
 
     @property
     def impulse_error(self) -> float | None:
@@ -249,14 +252,11 @@ class Audit(EachTick):
 
     def _point(self, state: PlantState, body: str, point: tuple[float, float]) -> Vector:
         """Where a point of a link is, (x, z) in [m]."""
-        self._place(state)
+        self._energies.place(state.q, state.dq, state.hip, state.dhip)
         number = self._plant.model.body(body).id
         frame = self._data.xmat[number].reshape(3, 3)
         found: Vector = (self._data.xpos[number] + frame @ np.array([point[0], 0.0, point[1]]))[[0, 2]]
         return found
-
-    def _place(self, state: PlantState) -> None:
-        self._energies.place(state.q, state.dq, state.hip, state.dhip)
 
     def _energy(self, state: PlantState) -> float:
         """Potential and kinetic energy in [J]."""
@@ -271,8 +271,10 @@ def audited(scenario: Scenario, *, stop: Stop | None = None) -> tuple[RunSummary
     """
     rig = build_rig(scenario)
     assert isinstance(rig.plant, MujocoPlant | RigidPlant)
+    steady = Steady(round(SETTLING / rig.plant.period))
     with Audit(rig.plant).watching() as audit:
-        summary = rig.run(audit, stop=stop)
+        summary = rig.run(Tapes(audit, steady), stop=stop)
+    audit.found.steadiness = steady.found()
     return summary, audit.found
 
 
@@ -280,7 +282,7 @@ def rows(found: Findings, slip: float | None) -> list[tuple[str, str]]:
     """An audit in words, name and figures, for a table."""
     e = found.energy
     share = abs(e.residual) / e.motors_moved if e.motors_moved else math.nan
-    error = found.impulse_error
+    error, s = found.impulse_error, found.steadiness
     return [
         ("work of the motors", f"{e.motors:.3f} J ({e.motors_moved:.3f} J without signs)"),
         ("work of the damping", f"{e.damping:.3f} J"),
@@ -291,5 +293,6 @@ def rows(found: Findings, slip: float | None) -> list[tuple[str, str]]:
         ("penetration", f"{1e3 * found.penetration:.3f} mm, in impacts {1e3 * found.penetration_impact:.3f} mm"),
         ("slip of the stance foot", f"{1e3 * (slip or 0.0):.2f} mm in all"),
         ("without contact", f"{100.0 * found.flight_share:.2f} % of the physics steps, impacts left out"),
+        *s.rows(SETTLING),
         ("impulse of impacts", "-" if error is None else f"{100.0 * error:+.1f} % against the rigid impact map"),
     ]

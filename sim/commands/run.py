@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import math
 import os
 import re
 import shlex
@@ -100,6 +101,9 @@ def _audit(scenario: Scenario, *, json: bool) -> int:
     if json:
         e = audit.energy
         figures = dataclasses.asdict(e) | {"residual": e.residual, "slip": summary.slip_m}
+        steadiness = dataclasses.asdict(audit.steadiness)
+        figures |= {name: value if math.isfinite(value) else None for name, value in steadiness.items()}
+        figures |= {"mpc_torque_share": summary.mpc_torque_share}
         names = ("penetration", "penetration_impact", "flight_share", "impulse_error")
         figures |= {name: getattr(audit, name) for name in names}
         print(text.dumps({"outcome": summary.outcome, "steps": summary.steps, "audit": figures}), flush=True)
