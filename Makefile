@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof clean help
+.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -13,6 +13,12 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3.14 pyth
 
 run: $(STAMP)  ## walk: the default scenario, or ARGS="undisturbed --steps 5"
 	@$(BIN)/cmpc run $(ARGS)
+
+see: $(STAMP)  ## walk and fall: the same push with and without the MPC, both runs as one page in the browser
+	@mkdir -p logs && folder=$$(mktemp -d logs/see-XXXXXX) \
+		&& $(BIN)/cmpc run push-25N --log $$folder/c-mpc.mcap \
+		&& $(BIN)/cmpc run push-25N --controller zd-pd --log $$folder/zd-pd.mcap \
+		&& $(BIN)/cmpc review $$folder/c-mpc.mcap $$folder/zd-pd.mcap --out $$folder/both.html --open
 
 test: $(STAMP)  ## run the tests, or some: ARGS="tests/test_qp.py"
 	@$(BIN)/python -m pytest -n 2 $(ARGS)
@@ -44,6 +50,7 @@ docs: $(STAMP)  ## build the site of docs/ into site/, every link checked; draw 
 
 docs-test: $(STAMP)  ## run every command block and snippet of README and docs, and every example, some ten minutes
 	@$(BIN)/python tests/documents.py $(ARGS)
+	@$(BIN)/python -m pytest -m campaign tests/test_readme.py tests/test_examples.py
 
 pictures: $(STAMP)  ## make the pictures of the pages in docs/ anew; needs Chromium
 	@$(BIN)/python docs/pictures.py $(ARGS)

@@ -88,6 +88,14 @@ def review() -> None:
     photograph(Path("both.html"), "review-two")
 
 
+def film() -> None:
+    """Two runs side by side; needs the extra `video` and OpenGL."""
+    for controller in ("c-mpc", "zd-pd"):
+        cmpc("run", "push-25N", "--steps", "6", "--controller", controller, "--log", f"{controller}.mcap")
+    cmpc("video", "c-mpc.mcap", "zd-pd.mcap", "walk.gif", "--size", "720", "300", "--fps", "15")
+    shutil.copy("walk.gif", OUT / "walk.gif")
+
+
 def card() -> None:
     """What a notebook shows of a log."""
     sys.path.insert(0, str(ROOT))
@@ -118,7 +126,7 @@ def reproduce() -> None:
     photograph(next(Path("reproduce").glob("*.html")), "reproduce", 1100, 1000)
 
 
-ALL: tuple[Callable[[], None], ...] = (review, card, trials, gait, reproduce)
+ALL: tuple[Callable[[], None], ...] = (review, film, card, trials, gait, reproduce)
 
 
 def main() -> None:
