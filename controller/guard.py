@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import operator
 import signal
 import threading
 from collections.abc import Iterator, Mapping
@@ -39,6 +40,8 @@ _WHOLE, _REAL = (int, np.integer), (int, float, np.integer, np.floating)
 _SCALARS = dict.fromkeys(("impact_in", "iterations", "active"), _WHOLE) | dict.fromkeys(
     ("theta", "dtheta", "s", "slack", "solve_s", "followed"), _REAL
 )
+_KINDS = tuple(int if kinds is _WHOLE else float for kinds in _SCALARS.values())
+_arrays, _numbers, _FLOAT = operator.attrgetter(*_SHAPES), operator.attrgetter(*_SCALARS), np.dtype(float)
 _LEGS = ("left", "right")
 _TORQUE = f"4 numbers [N.m], ordered {', '.join(JOINTS)}"
 
@@ -191,6 +194,13 @@ class Guarded:
         )
 
     def _checked(self, step: ControlStep) -> ControlStep:
+        if step.diagnostics:
+            self._check_diagnostics(step.diagnostics)
+        plain = step.plan is None and step.stance in _LEGS
+        return step if plain and _in_shape(step) else self._looked_at(step)
+
+    def _looked_at(self, step: ControlStep) -> ControlStep:
+        """What is nearly as it must be, made so."""
         changed: dict[str, Any] = {}
         for name, shape in _SHAPES.items():
             value = getattr(step, name)
@@ -211,8 +221,6 @@ class Guarded:
             raise ControllerFailed(
                 f"controller {self._kind}: ControlStep.stance = {step.stance!r}: must be left or right"
             )
-        if step.diagnostics:
-            self._check_diagnostics(step.diagnostics)
         return dataclasses.replace(step, **changed) if changed else step
 
     def _check_diagnostics(self, given: Any) -> None:
@@ -222,6 +230,8 @@ class Guarded:
                 'must be a dict such as {"push [N]": 3.0}'
             )
         for name, value in given.items():
+            if type(value) is float and type(name) is str:
+                continue
             if not isinstance(name, str) or not isinstance(value, int | float | np.number):
                 raise ControllerFailed(
                     f"controller {self._kind}: ControlStep.diagnostics[{name!r}] is {_kind(value)}; must be a number"
@@ -233,6 +243,14 @@ class Guarded:
 
     def _wrong(self, what: str, shape: tuple[int, ...]) -> ControllerFailed:
         return ControllerFailed(f"{self.where} gave {what}; must be an array of {shape[0]} numbers")
+
+
+def _in_shape(step: ControlStep) -> bool:
+    """Whether arrays and numbers are just as they must be; false of what has to be looked at more closely."""
+    for value, shape in zip(_arrays(step), _SHAPES.values(), strict=True):
+        if type(value) is not np.ndarray or value.dtype is not _FLOAT or value.shape != shape:
+            return False
+    return tuple(map(type, _numbers(step))) == _KINDS
 
 
 def _at(method: Any) -> str:

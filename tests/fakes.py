@@ -63,7 +63,7 @@ def one_tick(k, state, observation, step, tick_s, frame_every=0, **judged):
     if observation is not None:
         for name in ("t", "q", "dq", "contact"):
             ticks.seen[0][name] = getattr(observation, name)
-    if not write_step(ticks.step[0], step):
+    if not write_step(ticks.step, 0, step):
         ticks.texts[k] = step.status
     if frame_every and k % frame_every == 0:
         ticks.frames[k] = Frame(state.applied, step.plan)

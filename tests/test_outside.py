@@ -387,7 +387,7 @@ def test_from_row_to_row_is_what_from_record_to_record_is(pd):
         fast.decide(block.seen, block.step, i)
         step = other.step(observation_of(seen))
         wanted = np.zeros(1, block.step.dtype)
-        write_step(wanted[0], step)
+        write_step(wanted, 0, step)
         for name in wanted.dtype.names:
             np.testing.assert_allclose(block.step[i][name], wanted[0][name], rtol=1e-9, atol=1e-9, err_msg=name)
         filled += seen["contact"][0] == 0

@@ -73,7 +73,7 @@ def test_with_the_mpc_negated_the_claims_fail_on_both_plants(monkeypatch) -> Non
         return dataclasses.replace(good, u_mpc=-good.u_mpc, u_total=good.u_zd - good.u_mpc)
 
     def decide(self, seen, step, i):
-        write_step(step[i], self.step(observation_of(seen[i])))
+        write_step(step, i, self.step(observation_of(seen[i])))
 
     monkeypatch.setattr(CascadedMpc, "step", negated)
     monkeypatch.setattr(CascadedMpc, "decide", decide)

@@ -61,6 +61,12 @@ def test_misdeeds_are_those_of_their_job_alone(workers: int, tmp_path: Path) -> 
     assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
 
 
+def test_long_results_and_long_arguments_do_not_wait_for_each_other() -> None:
+    arguments = [bytes([i]) * 2_000_000 for i in range(4)]
+    with Pool(job, 2, workers=1, deadline=60.0) as pool:
+        assert [end.value for end in pool.run(arguments)] == [2 * argument for argument in arguments]
+
+
 def test_a_user_s_error_is_the_caller_s() -> None:
     with Pool(job, 1, workers=1) as pool, pytest.raises(UserError, match="not legal"):
         list(pool.run([1, "refuse"]))

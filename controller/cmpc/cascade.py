@@ -173,7 +173,7 @@ class CascadedMpc(Law):
         self._write(step, i, self.step(observation_of(seen[i])))
 
     def _write(self, step: Rows, i: int, decided: ControlStep) -> None:
-        write_step(step[i], decided)
+        write_step(step, i, decided)
         self._plan = decided.plan
 
     def _parts(self, solver: RiccatiSolver) -> Held:

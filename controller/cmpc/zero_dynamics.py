@@ -91,7 +91,7 @@ class ZeroDynamicsController(Law):
         if self._held is None or self._held.value is not self.loop:
             self._held = Held(self.loop)
         if not decide(self._held, self.stance.memory, seen, step, i):
-            write_step(step[i], self.step(observation_of(seen[i])))
+            write_step(step, i, self.step(observation_of(seen[i])))
 
     def plan(self) -> None:
         """There is none."""

@@ -7,6 +7,7 @@ controller and in *body order* (left hip, right hip, left knee, right knee) at i
 """
 
 import functools
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
@@ -123,11 +124,11 @@ class Status(StrEnum):
 _zeros2, _zeros3, _zeros4 = (functools.partial(np.zeros, n) for n in (2, 3, 4))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(slots=True, kw_only=True, eq=False)  # made a thousand times a second: frozen would take ten times as long
 class ControlStep:
     """What a controller decided in one tick: a torque; all else is for the log and has a default.
 
-    Joint vectors are ordered as `JOINTS`, outputs in stance order.
+    Joint vectors are ordered as `JOINTS`, outputs in stance order. Read-only by convention, as its arrays are.
 
     Attributes:
         stance: Leg the controller believes to stand, "left" or "right".
@@ -248,23 +249,23 @@ Rows = NDArray[np.void]
 PLAIN = tuple(name for name in STEP.names or () if name not in ("stance", "status", "fallback"))
 """Fields of `STEP` that are those of `ControlStep` as they are."""
 
+_plain = operator.attrgetter(*PLAIN)
 _LEGS = tuple(leg.value for leg in Leg)
 _STATUS_CODES = {status: code for code, status in enumerate(Status)}
 
 
 def observation_of(row: np.void) -> Observation:
     """A row of `OBSERVATION` as a record, a copy."""
-    left, right = row["contact"].tolist()
-    return Observation(t=float(row["t"]), q=row["q"].copy(), dq=row["dq"].copy(), contact=(left != 0, right != 0))
+    fields: Any = row.item()
+    t, q, dq, contact = fields
+    left, right = contact.tolist()
+    return Observation(t=t, q=q.copy(), dq=dq.copy(), contact=(left != 0, right != 0))
 
 
-def write_step(row: np.void, step: ControlStep) -> bool:
-    """Fill a row of `STEP` from a record; whether its status is one of `Status`."""
-    for name in PLAIN:
-        row[name] = getattr(step, name)
-    row["stance"], row["fallback"] = _LEGS.index(step.stance), step.fallback
+def write_step(rows: Rows, i: int, step: ControlStep) -> bool:
+    """Fill row `i` of `STEP` rows from a record; whether its status is one of `Status`."""
     code = _STATUS_CODES.get(step.status)
-    row["status"] = code or 0
+    rows[i] = (*_plain(step), code or 0, _LEGS.index(step.stance), step.fallback)  # fields in the order of `STEP`
     return code is not None
 
 

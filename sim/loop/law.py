@@ -53,7 +53,7 @@ class Recorded:
         self._plan = None if decided is None else decided.plan
         if decided is None:
             return
-        if not write_step(step[i], decided):
+        if not write_step(step, i, decided):
             self._texts[k] = decided.status
         if decided.diagnostics:
             self._diagnostics[k] = dict(decided.diagnostics)  # the law may reuse its own

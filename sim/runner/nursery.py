@@ -159,3 +159,7 @@ def nursery() -> Nursery:
     found = Nursery()
     atexit.register(found.close)
     return found
+
+
+if hasattr(os, "register_at_fork"):  # a template and its workers belong to the process that started them
+    os.register_at_fork(after_in_child=nursery.cache_clear)

@@ -21,6 +21,7 @@ from sim.errors import UserError
 from sim.runner.nursery import nursery
 
 AT_HAND = 2  # jobs of a worker, the one it is at included
+AHEAD = 1 << 14  # [B] an argument that is sent ahead; it lies in the socket while the worker sends a long result
 SLICE = 0.1  # [s] between looks at the clock
 PREPARE_LIMIT = 600.0  # [s] for what a job needs before its own clock starts, such as compiling
 ENDING = 1.0  # [s] a worker may take to end once its socket is closed
@@ -59,6 +60,7 @@ class End:
 class _Job:
     argument: Any
     crashes: int = 0
+    sent: bool = False
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -165,13 +167,28 @@ class Pool:
             worker.link.send_bytes(self._head)
         return worker
 
-    @staticmethod
-    def _give(worker: _Worker, job: _Job) -> None:
-        if not worker.jobs:
-            worker.since, worker.started = time.monotonic(), False
+    def _give(self, worker: _Worker, job: _Job) -> None:
+        job.sent = False
         worker.jobs.append(job)
-        with contextlib.suppress(OSError):  # it is dead, as its other end will tell
-            worker.link.send(job.argument)
+        self._send(worker)
+
+    @staticmethod
+    def _send(worker: _Worker) -> None:
+        """Send what the worker may have: its first job, and the next where its argument is short.
+
+        A worker that is sending a long result reads nothing: a long argument sent then would hold both for ever.
+        """
+        for place, job in enumerate(worker.jobs):
+            if job.sent:
+                continue
+            argument = pickle.dumps(job.argument)
+            if place and len(argument) > AHEAD:
+                return
+            if not place:
+                worker.since, worker.started = time.monotonic(), False
+            job.sent = True
+            with contextlib.suppress(OSError):  # it is dead, as its other end will tell
+                worker.link.send_bytes(argument)
 
     def _collect(
         self, busy: list[_Worker], again: collections.deque[_Job], suspects: collections.deque[_Job]
@@ -192,6 +209,7 @@ class Pool:
                 continue
             job = worker.jobs.popleft()
             worker.since, worker.started, worker.alone = time.monotonic(), False, False
+            self._send(worker)
             if kind == "done":
                 yield End(argument=job.argument, how=Ended.DONE, value=value)
                 continue
