@@ -2,10 +2,9 @@
 
 import contextlib
 import dataclasses
-import operator
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from time import monotonic
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from controller.belief import Gait, StanceEstimator, WalkerModel, kernels
 from controller.belief.closed_loop import outputs
 from controller.belief.stance import calm, take
+from controller.common.checked import checked, said
 from controller.common.compiled import compiled
 from controller.common.errors import ControllerFailed, UserError
 from controller.common.outside import Outside, place
@@ -24,25 +24,10 @@ from controller.common.records import (
     ControlStep,
     Observation,
     Rows,
+    Vector,
     observation_of,
 )
 
-_SHAPES = {
-    "u_total": (4,),
-    "u_zd": (4,),
-    "u_mpc": (4,),
-    "y": (4,),
-    "dy": (4,),
-    "contact_force": (2,),
-    "residuals": (3,),
-}
-_WHOLE, _REAL = (int, np.integer), (int, float, np.integer, np.floating)
-_SCALARS = dict.fromkeys(("impact_in", "iterations", "active"), _WHOLE) | dict.fromkeys(
-    ("theta", "dtheta", "s", "slack", "solve_s", "followed"), _REAL
-)
-_KINDS = tuple(int if kinds is _WHOLE else float for kinds in _SCALARS.values())
-_arrays, _numbers, _FLOAT = operator.attrgetter(*_SHAPES), operator.attrgetter(*_SCALARS), np.dtype(float)
-_LEGS = ("left", "right")
 _TORQUE = f"4 numbers [N.m], ordered {', '.join(JOINTS)}"
 
 PATIENCE = 60.0  # [s] a controller from outside may take over one tick, its first with whatever it compiles
@@ -99,7 +84,7 @@ class Guarded:
         for name in ("reset", "step"):
             if not callable(getattr(inner, name, None)):
                 raise UserError(
-                    f"controller {outside.kind}: its factory gave {_kind(inner)}, which has no {name}(); "
+                    f"controller {outside.kind}: its factory gave {said(inner)}, which has no {name}(); "
                     "must have reset(stance) and step(observation)"
                 )
         self.inner = inner
@@ -177,7 +162,7 @@ class Guarded:
         except ValueError:  # rows of different lengths
             u = np.empty(0)
         if u.shape != (4,) or u.dtype.kind not in "biuf":
-            raise ControllerFailed(f"{self.where} gave {_kind(given)}; must be {_TORQUE}, or a ControlStep")
+            raise ControllerFailed(f"{self.where} gave {said(given)}; must be {_TORQUE}, or a ControlStep")
         return u.astype(float, copy=False)
 
     def _of(self, u: np.ndarray, observation: Observation) -> ControlStep:
@@ -194,63 +179,56 @@ class Guarded:
         )
 
     def _checked(self, step: ControlStep) -> ControlStep:
-        if step.diagnostics:
-            self._check_diagnostics(step.diagnostics)
-        plain = step.plan is None and step.stance in _LEGS
-        return step if plain and _in_shape(step) else self._looked_at(step)
-
-    def _looked_at(self, step: ControlStep) -> ControlStep:
-        """What is nearly as it must be, made so."""
-        changed: dict[str, Any] = {}
-        for name, shape in _SHAPES.items():
-            value = getattr(step, name)
-            if type(value) is not np.ndarray or value.dtype != np.float64:
-                try:
-                    value = changed[name] = np.array(value, dtype=float)
-                except (TypeError, ValueError):
-                    raise self._wrong(f"ControlStep.{name} = {_kind(value)}", shape) from None
-            if value.shape != shape:
-                raise self._wrong(f"ControlStep.{name} = {_kind(value)}", shape)
-        for name, kinds in _SCALARS.items():
-            value = getattr(step, name)
-            if not isinstance(value, kinds):
-                raise ControllerFailed(f"{self.where} gave ControlStep.{name} = {_kind(value)}; must be a number")
-        if step.plan is not None and not callable(getattr(step.plan, "outputs", None)):
-            raise ControllerFailed(f"{self.where} gave ControlStep.plan = {_kind(step.plan)}; must be None or a Plan")
-        if step.stance not in _LEGS:
+        if step.plan is None:
+            return checked(step, self._kind, self.where)
+        if not all(callable(getattr(step.plan, name, None)) for name in ("outputs", "contact_forces")):
             raise ControllerFailed(
-                f"controller {self._kind}: ControlStep.stance = {step.stance!r}: must be left or right"
+                f"{self.where} gave ControlStep.plan = {said(step.plan)}; "
+                "must be None, or have outputs() and contact_forces()"
             )
-        return dataclasses.replace(step, **changed) if changed else step
+        return dataclasses.replace(checked(step, self._kind, self.where), plan=GuardedPlan(step.plan, self))
 
-    def _check_diagnostics(self, given: Any) -> None:
-        if not isinstance(given, Mapping):
-            raise ControllerFailed(
-                f"controller {self._kind}: ControlStep.diagnostics is {_kind(given)}; "
-                'must be a dict such as {"push [N]": 3.0}'
-            )
-        for name, value in given.items():
-            if type(value) is float and type(name) is str:
-                continue
-            if not isinstance(name, str) or not isinstance(value, int | float | np.number):
-                raise ControllerFailed(
-                    f"controller {self._kind}: ControlStep.diagnostics[{name!r}] is {_kind(value)}; must be a number"
-                )
+    def foreseen(self, plan: Any, method: str, columns: int) -> Vector:
+        """What a plan gives, columns checked.
 
-    def _failed(self, method: str, error: BaseException) -> ControllerFailed:
-        called = _at(getattr(self.inner, method))
+        Raises:
+            ControllerFailed: it broke, or gave something else.
+        """
+        try:
+            self.since = monotonic()
+            given = getattr(plan, method)()
+        except (Exception, SystemExit, Hung) as error:
+            raise self._failed(method, error, plan) from error
+        finally:
+            self.since = 0.0
+        try:
+            found = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            found = np.empty(0)
+        if found.ndim != 2 or found.shape[1] != columns:
+            where = f"controller {self._kind}: {method}(){_at(getattr(plan, method))}"
+            raise ControllerFailed(f"{where} gave {said(given)}; must be rows of {columns} numbers, one a stage")
+        return found
+
+    def _failed(self, method: str, error: BaseException, of: Any = None) -> ControllerFailed:
+        called = _at(getattr(of or self.inner, method))
         return ControllerFailed(f"controller {self._kind}: {method}(): {place(error, self._file, called)}")
 
-    def _wrong(self, what: str, shape: tuple[int, ...]) -> ControllerFailed:
-        return ControllerFailed(f"{self.where} gave {what}; must be an array of {shape[0]} numbers")
 
+class GuardedPlan:
+    """What a controller from outside expects; checked when somebody looks."""
 
-def _in_shape(step: ControlStep) -> bool:
-    """Whether arrays and numbers are just as they must be; false of what has to be looked at more closely."""
-    for value, shape in zip(_arrays(step), _SHAPES.values(), strict=True):
-        if type(value) is not np.ndarray or value.dtype is not _FLOAT or value.shape != shape:
-            return False
-    return tuple(map(type, _numbers(step))) == _KINDS
+    def __init__(self, plan: Any, guard: Guarded) -> None:
+        """Args: plan: of the controller; guard: that knows where it comes from."""
+        self._plan, self._guard = plan, guard
+
+    def outputs(self) -> Vector:
+        """Predicted outputs in [rad], (N + 1, 4)."""
+        return self._guard.foreseen(self._plan, "outputs", 4)
+
+    def contact_forces(self) -> Vector:
+        """Predicted stance contact forces in [N], (N, 2)."""
+        return self._guard.foreseen(self._plan, "contact_forces", 2)
 
 
 def _at(method: Any) -> str:
@@ -287,14 +265,3 @@ def _outputs(gait, q, dq):  # type: ignore[no-untyped-def]
     stage = kernels.new_stage()
     theta, dtheta = outputs(gait, q, dq, stage)
     return theta, dtheta, stage.y, stage.dy
-
-
-def _kind(value: Any) -> str:
-    """What a value is, in a few words."""
-    if value is None:
-        return "None"
-    if isinstance(value, np.ndarray):
-        return f"an array of shape {value.shape}"
-    if isinstance(value, list | tuple):
-        return f"a {type(value).__name__} of {len(value)}"
-    return f"{value!r:.40}" if isinstance(value, str | int | float) else f"a {type(value).__name__}"

@@ -149,12 +149,13 @@ def test_the_command_line_takes_its_settings(pd, capsys):
         "raise ValueError('two\\nlines')": ["ValueError: two lines"],
         "return __import__('numpy').zeros(4, complex)": ["an array of shape (4,)", "4 numbers"],
         "import sim; return sim.ControlStep(stance='up', u_total=[0.0] * 4)": ["stance = 'up'", "left or right"],
-        "import sim; return sim.ControlStep(stance='left', u_total=[0.0])": ["u_total = an array of", "4 numbers"],
+        "import sim; return sim.ControlStep(stance='left', u_total=[0.0])": ["u_total = a list of 1", "4 numbers"],
         "import sim; return sim.ControlStep(stance='left', u_total=[0] * 4, theta='x')": ["theta = 'x'", "a number"],
         "import sim; return sim.ControlStep(stance='left', u_total=[0] * 4, diagnostics=[1])": [
             "diagnostics",
             "a dict",
         ],
+        "import sim; return sim.ControlStep(stance='left', u_total=[0] * 4, plan=3)": ["plan = 3", "outputs() and"],
         "raise SystemExit(3)": ["SystemExit: 3", "odd.py, line 9"],
         "while True: pass": ["no answer within", "odd.py, line 9"],
     }.items(),
@@ -170,6 +171,44 @@ def test_what_breaks_in_a_tick_is_an_error_with_its_place_and_a_readable_log(
     for word in words:
         assert word in summary["message"]
     assert read_log(log).metadata["result"]["outcome"] == "error"
+
+
+PLANS = """
+import sim
+
+class Plan:
+    def outputs(self):
+        return {outputs}
+
+    def contact_forces(self):
+        return [[0.0, 300.0]] * 10
+
+class Planner:
+    def reset(self, stance): pass
+
+    def step(self, observation):
+        return sim.ControlStep(stance="left", u_total=[0.0] * 4, plan=Plan())
+
+make = Planner
+"""
+
+
+@pytest.mark.parametrize(
+    ("outputs", "words"),
+    {
+        "1 / 0": ["outputs(): ZeroDivisionError", "line 6"],
+        "[0.0] * 4": ["outputs()", "line 5", "a list of 4; must be rows of 4 numbers"],
+        "'x'": ["'x'; must be rows of 4 numbers"],
+        "[[0.0] * 4] * 11": [],
+    }.items(),
+)
+def test_a_plan_that_breaks_is_an_error_with_its_place(tmp_path, outputs, words):
+    (tmp_path / "plans.py").write_text(PLANS.format(outputs=outputs))
+    log = tmp_path / "x.mcap"
+    summary = walk(f"{tmp_path / 'plans.py'}:make", log)
+    assert summary.outcome == ("error" if words else "fell")
+    assert all(word in summary.message for word in words)
+    assert read_log(log).complete
 
 
 @pytest.mark.parametrize(
@@ -215,6 +254,7 @@ def test_what_lacks_something_is_refused_by_name(tmp_path, capsys, text, words):
         "def make(): return 3\n": ["gave 3", "reset(stance) and step(observation)"],
         "def make(): raise OSError('no weights')\n": ["OSError: no weights", "line 1"],
         "import sys; sys.exit(1)\n": ["ends the program"],
+        "import sys\ndef make(): sys.exit(0)\n": ["SystemExit: 0", "line 2"],
         "from dataclasses import *\n@dataclass\nclass S:\n    x: dict = None\ndef make(s: S): pass\n": ["field x"],
     }.items(),
 )

@@ -67,6 +67,21 @@ def test_long_results_and_long_arguments_do_not_wait_for_each_other() -> None:
         assert [end.value for end in pool.run(arguments)] == [2 * argument for argument in arguments]
 
 
+def folder_of_work(_: object, __: object) -> str:
+    return os.getcwd()
+
+
+def test_workers_are_where_their_pool_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        with Pool(folder_of_work, workers=1, log="printed") as pool:
+            found += [Path(end.value).name for end in pool.run([0])]
+        assert (tmp_path / name / "printed").exists()
+    assert found == ["one", "two"]
+
+
 def test_a_user_s_error_is_the_caller_s() -> None:
     with Pool(job, 1, workers=1) as pool, pytest.raises(UserError, match="not legal"):
         list(pool.run([1, "refuse"]))

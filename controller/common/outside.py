@@ -172,7 +172,7 @@ def call(outside: Outside, offers: Mapping[str, Any], settings: Any) -> Any:
             )
     try:
         return outside.factory(**wanted)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UserError(f"controller {outside.kind}: {place(error, outside.file)}") from error
 
 

@@ -112,11 +112,11 @@ class Loop:
             started = clock()
             try:
                 law.decide(seen, step, i)
+                tick_s[i] = clock() - started
+                if frame_every and k % frame_every == 0:
+                    self._frames[k] = Frame(pushes.applied, Foreseen.of(law.plan()))
             except ControllerFailed as error:
                 return Outcome.ERROR, FallReason.NONE, str(error)
-            tick_s[i] = clock() - started
-            if frame_every and k % frame_every == 0:
-                self._frames[k] = Frame(pushes.applied, Foreseen.of(law.plan()))
             if pushed:
                 t, last = float(state["t"][i]), judge.last_impact
                 judged["pushed"][i] = pushes.look(t, judge.steps + 1, last)

@@ -79,7 +79,7 @@ def template(handle: int) -> None:
                 pid = os.fork()
                 if pid == 0:
                     control.close()
-                    _worker(work, value)
+                    _worker(work, *value)
                 os.close(work)
                 workers.add(pid)
                 send(control, pid)
@@ -114,7 +114,8 @@ def _reap(pid: int, grace: float) -> int:
 def _warm(call: bytes) -> str:
     """Make a call whose traces all later workers inherit; its error is for the job that makes it again."""
     try:
-        function, arguments = pickle.loads(call)
+        function, arguments, folder = pickle.loads(call)
+        os.chdir(folder)
         function(*arguments)
     except Exception as error:
         return f"{type(error).__name__}: {error}"
@@ -128,10 +129,11 @@ def _die_with_parent() -> None:
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def _worker(handle: int, log: str | None) -> None:
-    """Do one job after the other until nobody asks any more; does not return."""
+def _worker(handle: int, log: str | None, folder: str) -> None:
+    """Do one job after the other in a folder until nobody asks any more; does not return."""
     try:
         _die_with_parent()
+        os.chdir(folder)
         output = os.open(log or os.devnull, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         os.dup2(output, 1)
         os.dup2(output, 2)

@@ -38,7 +38,7 @@ class Nursery:
         self._warm: dict[bytes, str] = {}
 
     def spawn(self, log: str | None) -> tuple[int, socket.socket, int]:
-        """A new worker: its number, the socket to it, and the process number of the template that made it.
+        """A new worker in this process's folder: its number, the socket to it, the number of the template that made it.
 
         Args:
             log: File that takes what the worker prints; None to drop it.
@@ -50,7 +50,7 @@ class Nursery:
             mine, theirs = socket.socketpair()
             try:
                 with self._lock:
-                    pid = self._ask((child.SPAWN, log), START_LIMIT, (theirs.fileno(),))
+                    pid = self._ask((child.SPAWN, (log, os.getcwd())), START_LIMIT, (theirs.fileno(),))
                     assert self._template is not None
                     return pid, mine, self._template.pid
             except Lost:
@@ -83,7 +83,7 @@ class Nursery:
             stamp: What its files were; when that changes, a new template begins without a trace of the old ones.
             stop: Asked while it lasts; anything true ends the template.
         """
-        call = pickle.dumps((function, arguments))
+        call = pickle.dumps((function, arguments, os.getcwd()))
         with self._lock:
             if self._warm.get(call) == stamp and self._template and self._template.poll() is None:
                 return
