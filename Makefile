@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof clean help
+.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -60,6 +60,9 @@ trials-proof: $(STAMP)  ## the long proofs about campaigns: kills, a cluster, 10
 
 logs-proof: $(STAMP)  ## 1000 mutated logs and 100 falsified results through every command, some 40 minutes
 	@CMPC_MUTATIONS=1000 CMPC_FALSE=100 $(BIN)/python -m pytest tests/test_log_mutations.py tests/test_log_false.py $(ARGS)
+
+review-proof: $(STAMP)  ## 24 made-up falls and those of the campaigns, named on the first screen of their pages; needs Chromium
+	@$(BIN)/python -m pytest -m campaign -s tests/test_review_falls.py $(ARGS)
 
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -22,9 +22,9 @@ END = 1.0  # [s]
 BEGAN = 0.8  # [s], when a symptom begins
 
 
-def walk(*changes, end=END, landings=(0.5,)):
+def walk(*changes, end=END, landings=(0.5,), tape=None):
     """A witness of a made-up walk; each change is a function of t that gives (state's fields, step's fields)."""
-    witness = Witness(DT)
+    witness = Witness(DT) if tape is None else tape
     for k in range(round(end / DT)):
         t = k * DT
         if any(abs(t - landing) < DT / 2 for landing in landings):
@@ -56,17 +56,22 @@ def from_(began, state=None, step=None, until=math.inf):
     return lambda t: (made(state, t), made(step, t)) if began <= t < until else ({}, {})
 
 
-SLIDE = {"foot": lambda t: np.array([[0.0, 0.0], [-0.2 + 0.3 * (t - BEGAN), 0.1]])}
-SYMPTOMS = {
-    Cause.TRIP: from_(BEGAN, {"contact": (True, True)}),
-    Cause.SLIP: from_(BEGAN, SLIDE),
-    Cause.FLIGHT: from_(BEGAN, {"contact": (False, False)}),
-    Cause.STALL: from_(BEGAN, step={"dtheta": 0.0}),
-    Cause.OVERRUN: from_(BEGAN, step={"s": 1.2}),
-    Cause.TORQUE: from_(BEGAN, {"torque": np.array([0.0, -LIMIT, 0.0, 0.0])}),
-    Cause.SOLVER: from_(BEGAN, step={"fallback": True}),
-    Cause.TRACKING: from_(BEGAN, step={"y": np.array([0.0, 0.0, -0.3, 0.0])}),
-}
+def symptoms(began):
+    """Each symptom, from a time on."""
+    slide = {"foot": lambda t: np.array([[0.0, 0.0], [-0.2 + 0.3 * (t - began), 0.1]])}
+    return {
+        Cause.TRIP: from_(began, {"contact": (True, True)}),
+        Cause.SLIP: from_(began, slide),
+        Cause.FLIGHT: from_(began, {"contact": (False, False)}),
+        Cause.STALL: from_(began, step={"dtheta": 0.0}),
+        Cause.OVERRUN: from_(began, step={"s": 1.2}),
+        Cause.TORQUE: from_(began, {"torque": np.array([0.0, -LIMIT, 0.0, 0.0])}),
+        Cause.SOLVER: from_(began, step={"fallback": True}),
+        Cause.TRACKING: from_(began, step={"y": np.array([0.0, 0.0, -0.3, 0.0])}),
+    }
+
+
+SYMPTOMS = symptoms(BEGAN)
 
 
 @pytest.mark.parametrize("cause", SYMPTOMS)
