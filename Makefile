@@ -27,9 +27,10 @@ fuzz: $(STAMP)  ## 2,000 seeded mutations of every kind of file through the comm
 	@$(BIN)/python tests/fuzz.py $(ARGS)
 
 tools: $(STAMP)  ## tests of what browsers, Node, pyarrow and OpenGL make of a log; needs npm, uses what is there
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev,parquet,video]"
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev,live,parquet,video]"
 	@npm ci --silent --prefix tests/node
-	@$(BIN)/python -m pytest -ra tests/test_logs.py tests/test_node_reader.py tests/test_review_page.py tests/test_review_browser.py tests/test_pages.py tests/test_film.py
+	@$(BIN)/python -m pytest -ra tests/test_logs.py tests/test_node_reader.py tests/test_review_page.py tests/test_review_browser.py tests/test_pages.py tests/test_film.py tests/test_live.py tests/test_rerun.py
+	@$(BIN)/python -m pytest -ra -m campaign tests/test_rerun.py
 
 check: $(STAMP)  ## lint, format, types and import contracts
 	@$(BIN)/ruff check .
@@ -61,8 +62,8 @@ trials-proof: $(STAMP)  ## the long proofs about campaigns: kills, a cluster, 10
 logs-proof: $(STAMP)  ## 1000 mutated logs and 100 falsified results through every command, some 40 minutes
 	@CMPC_MUTATIONS=1000 CMPC_FALSE=100 $(BIN)/python -m pytest tests/test_log_mutations.py tests/test_log_false.py $(ARGS)
 
-review-proof: $(STAMP)  ## 24 made-up falls and those of the campaigns, named on the first screen of their pages; needs Chromium
-	@$(BIN)/python -m pytest -m campaign -s tests/test_review_falls.py $(ARGS)
+review-proof: $(STAMP)  ## 24 made-up falls and those of the campaigns, on the first screen of their pages; what --live costs
+	@$(BIN)/python -m pytest -m campaign -s tests/test_review_falls.py tests/test_live.py $(ARGS)
 
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -8,14 +8,16 @@ from typing import Any
 
 from sim.errors import UserError
 
-VIEWERS = ("foxglove", "plotjuggler")
+VIEWERS = ("foxglove", "lichtblick", "plotjuggler", "rerun")
 USAGE = "cmpc review RUN.mcap [B.mcap] [options]"
 DESCRIPTION = "Make one HTML page that shows a run, or two: it needs no network and can be sent by mail."
 EPILOG = """\
   cmpc review RUN.mcap                       one run
   cmpc review A.mcap B.mcap --out ab.html    two runs, overlaid and their difference
+  cmpc review --follow RUN.mcap              a run that goes on, renewed as its log grows
   cmpc review --layout foxglove walk.json    a layout for Foxglove or Lichtblick
   cmpc review --layout plotjuggler walk.xml  then: plotjuggler -d RUN.mcap -l walk.xml
+  cmpc review --layout rerun RUN.mcap a.rrd  the log as Rerun draws it, with its layout: rerun a.rrd; extra "live"
 
 exit code: 0 done, 2 bad input
 """
@@ -29,6 +31,8 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser.add_argument("--out", metavar="PATH", help="the page (default: beside the log, .html)")
     parser.add_argument("--layout", choices=VIEWERS, help="write this viewer's layout instead of a page")
     parser.add_argument("--open", action="store_const", const=True, default=None, help="open it in the browser")
+    text = "make the page of one log anew while it is written, until its end; the browser renews it by itself"
+    parser.add_argument("--follow", action="store_true", help=text)
     text = "do not (default: if on a terminal)"
     parser.add_argument("--no-open", dest="open", action="store_const", const=False, help=text)
 
@@ -41,10 +45,37 @@ def _run(found: Namespace) -> int:
         return _layout(found.layout, found.paths)
     if len(found.paths) > 2:
         raise UserError(f"cmpc review takes one log or two; {len(found.paths)} were given")
+    if found.follow:
+        return _follow(found.paths, found.out, found.open)
     return _page([Path(path) for path in found.paths], found.out, found.open)
 
 
+def _follow(paths: list[str], out: str | None, wanted: bool | None) -> int:
+    if len(paths) != 1:
+        raise UserError(f"cmpc review --follow takes one log; {len(paths)} were given")
+    from sim.review.follow import follow_page
+
+    log = Path(paths[0])
+    target = Path(out) if out is not None else log.with_suffix(".html")
+    if target.is_dir() or target.suffix == ".mcap":
+        raise UserError(f"--out {target}: must be the name of an .html file")
+    opened = False
+
+    def tell(line: str) -> None:
+        nonlocal opened
+        print(line, flush=True)
+        if not opened:
+            _open(target, wanted)
+            opened = True
+
+    if not follow_page(log, target, tell):
+        print(f"cmpc: warning: {log} has not grown for a while and has no end", file=sys.stderr)
+    return 0
+
+
 def _layout(viewer: str, paths: list[str]) -> int:
+    if viewer == "rerun":
+        return _recording(paths)
     if len(paths) != 1:
         raise UserError(f"cmpc review --layout {viewer} takes the one file to write; {len(paths)} were given")
     from sim.review.layouts import LAYOUTS
@@ -61,6 +92,21 @@ def _layout(viewer: str, paths: list[str]) -> int:
     return 0
 
 
+def _recording(paths: list[str]) -> int:
+    import importlib.util
+
+    if len(paths) != 2 or not paths[1].endswith(".rrd"):
+        raise UserError("cmpc review --layout rerun takes RUN.mcap and the .rrd file to write")
+    if importlib.util.find_spec("rerun") is None:
+        raise UserError('--layout rerun needs the packages of the extra "live": pip install "cmpc-walker[live]"')
+    from sim.log.read import read_log
+    from sim.review.rerun import write_recording
+
+    write_recording(read_log(Path(paths[0])), Path(paths[1]))
+    print(paths[1])
+    return 0
+
+
 def _page(paths: list[Path], out: str | None, wanted: bool | None) -> int:
     from sim.log.read import salvage
     from sim.log.tools.text import printable
@@ -74,8 +120,13 @@ def _page(paths: list[Path], out: str | None, wanted: bool | None) -> int:
     target = Path(out) if out is not None else stem.with_name(stem.name + ".html")
     write_page(logs, target)
     print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
+    _open(target, wanted)
+    return 0
+
+
+def _open(page: Path, wanted: bool | None) -> None:
+    """Open a page in the browser, if that is wanted, or on a terminal."""
     if wanted or (wanted is None and sys.stdout.isatty()):
         import webbrowser
 
-        webbrowser.open(target.resolve().as_uri())
-    return 0
+        webbrowser.open(page.resolve().as_uri())

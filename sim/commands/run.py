@@ -67,6 +67,14 @@ def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = N
     )
     own.add_argument("--from-trial", metavar="DIR#ID", help="run a trial of cmpc trials again, to the same end")
     own.add_argument("--viewer", action="store_true", help="show the run in MuJoCo's window, no faster than real time")
+    own.add_argument(
+        "--live",
+        nargs="?",
+        const="foxglove",
+        choices=("foxglove", "rerun"),
+        help='serve the run to a viewer, Foxglove\'s protocol unless rerun is named; extra "live"',
+    )
+    own.add_argument("--live-port", type=int, metavar="PORT", help="of that server (default: 8765; rerun: 9876)")
     add_json(own, "the summary")
     add_quiet(own)
 
@@ -87,7 +95,17 @@ def _run(found: Namespace) -> int:
     else:
         log = Path(found.log) if found.log is not None else default_log(scenario)
         check_new_log(log)
-    return _walk(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
+    if found.live is None:
+        return _walk(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
+    if log is None:
+        raise UserError("--live and --no-log: must be one of them; what is shown is the growing log")
+    from sim.review.live import live
+
+    with live(found.live, log, found.live_port) as where:
+        console.note(where)
+        code = _walk(scenario, log, json=found.json, quiet=found.quiet, view=found.viewer)
+        console.note("the run is over; its stream goes on to the end, Ctrl-C ends it")
+    return code
 
 
 def _audit(scenario: Scenario, *, json: bool) -> int:

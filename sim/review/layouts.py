@@ -157,6 +157,7 @@ def _foxglove_plot(plot: LayoutPlot) -> dict[str, Any]:
     return {
         "title": plot.title,
         "foxglovePanelTitle": plot.title,
+        "lichtblickPanelTitle": plot.title,  # the key that Lichtblick's panels read
         "paths": paths,
         "showLegend": True,
         "legendDisplay": "floating",
@@ -205,5 +206,5 @@ def series_name(path: str) -> str:
     return path.replace(".", "/")
 
 
-LAYOUTS = {"foxglove": foxglove, "plotjuggler": plotjuggler}
+LAYOUTS = {"foxglove": foxglove, "lichtblick": foxglove, "plotjuggler": plotjuggler}
 """Viewer -> text of its layout."""

@@ -29,11 +29,12 @@ MOST_SPANS = 100
 FRAME_RATE = 100.0  # [1/s] of the figure
 
 
-def page(logs: list[Log]) -> str:
+def page(logs: list[Log], renew: int = 0) -> str:
     """The page of one log or two.
 
     Args:
         logs: One or two, perhaps truncated or damaged; the page says so.
+        renew: Seconds after which the page loads itself anew, at the same moment and view; 0 for never.
 
     Raises:
         UserError: a log is of a format this program does not know, or has nothing to show.
@@ -60,7 +61,7 @@ def page(logs: list[Log]) -> str:
             raise UserError(f"{logs[0].path} and {logs[1].path} have no tick in common")
         data["difference"] = _samples(gap, keys, samples)
     names = " | ".join(run["head"]["name"] for run in data["runs"])
-    return pages.render("review.html", title=f"{names} – C-MPC log review", data=data)
+    return pages.render("review.html", title=f"{names} – C-MPC log review", data=data, renew=renew)
 
 
 def _panels(runs: list[Run], signals: list[Signals]) -> list[Panel]:
