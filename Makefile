@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof clean help
+.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof interrupts clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -64,6 +64,9 @@ logs-proof: $(STAMP)  ## 1000 mutated logs and 100 falsified results through eve
 
 review-proof: $(STAMP)  ## 24 made-up falls and those of the campaigns, on the first screen of their pages; what --live costs
 	@$(BIN)/python -m pytest -m campaign -s tests/test_review_falls.py tests/test_live.py $(ARGS)
+
+interrupts: $(STAMP)  ## Ctrl-C at 40 random moments of 10 commands, some five minutes
+	@$(BIN)/python tests/interrupts.py $(ARGS)
 
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -4,7 +4,9 @@ A sub-command is a module of `sim.commands` with `add_parser(commands, argv)`, i
 in `COMMANDS`. It adds its parser and gives it, as the default of `run`, what the parsed words are handed to.
 """
 
+import atexit
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -53,7 +55,13 @@ EXIT_INTERRUPTED = 130
 
 def entry_point() -> None:
     """Console script `cmpc`."""
-    sys.exit(with_output(lambda: main(sys.argv[1:])))
+    code = with_output(lambda: main(sys.argv[1:]))
+    if code != EXIT_INTERRUPTED:
+        sys.exit(code)
+    # Python would end itself by the signal where Ctrl-C met code that a library runs, and lose the exit code.
+    atexit._run_exitfuncs()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def main(argv: Sequence[str]) -> int:

@@ -38,14 +38,20 @@ def _import() -> None:
         sys.path.remove(folder)
 
 
-_import()
-
-
 def entry_point() -> None:
     """Console script `cmpc`."""
     from sim.cli import entry_point as program
 
     program()
+
+
+try:
+    _import()
+except KeyboardInterrupt:
+    if Path(sys.argv[0]).stem != "cmpc":  # a user's program, which has its own way to stop
+        raise
+    print("cmpc: interrupted", file=sys.stderr)
+    sys.exit(130)
 
 
 def __getattr__(name: str) -> object:
