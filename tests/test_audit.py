@@ -70,6 +70,18 @@ def test_an_integrator_with_inner_steps_is_refused() -> None:
         audited(with_values(load("undisturbed"), {"plant.integrator": "RK4"}))
 
 
+@pytest.mark.parametrize("other", [["--log", "x.mcap"], ["--viewer"]])
+def test_an_audit_writes_no_log_and_shows_no_window(capsys, other: list[str]) -> None:
+    assert cli.main(["run", "undisturbed", "--audit", *other]) == 2
+    assert f"--audit and {other[0]}: must be one of them" in capsys.readouterr().err
+
+
+def test_an_audit_heeds_the_time_limit() -> None:
+    summary, _ = audited(with_values(load("undisturbed"), {"controller.kind": "zd-pd", "time_limit": 0.01}))
+    assert summary.outcome == "fell" and "time limit" in summary.fall_reason
+
+
 def test_the_command_prints_a_table(capsys) -> None:
     assert cli.main(["run", "undisturbed", "--controller", "zd-pd", "--steps", "1", "--audit"]) == 0
-    assert "does not add up" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "does not add up" in shown and "nan" not in shown

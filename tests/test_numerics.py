@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from sim.errors import UserError
 from sim.plant import MujocoPlant
 from sim.scenario import Scenario, with_values
 from sim.trials import numerics
@@ -74,3 +75,24 @@ def test_a_claim_names_the_variants_that_say_otherwise_and_figures_move_by_their
     assert data["claims"][0]["verdict"] == "does not depend on the simulator's numerics"
     (moved,) = [one for one in data["figures"] if one["figure"] == "output_error_rms_rad"]
     assert moved["most"] == {"rigid": pytest.approx(1.0)}
+
+
+def test_variants_that_say_nothing_about_a_plan_are_left_out(tmp_path) -> None:
+    push = GridAxis(paths=("pushes.0.force",), also=("pushes.0.step = 2",), values=(1.0,))
+    step = GridAxis(paths=("plant.timestep",), values=(5e-4,))
+    cone = GridAxis(
+        paths=("pushes.0.force",), also=("pushes.0.step = 2", "plant.contact.cone = pyramidal"), values=(1.0,)
+    )
+
+    def plan(axis: GridAxis, **changes) -> Plan:
+        scenario = with_values(Scenario(), changes)
+        return Plan(name="p", controllers=("zd-pd",), scenario=scenario, grid=(GridStudy(name="g", axes=(axis,)),))
+
+    assert [name for name in numerics.VARIANTS if numerics.unfit(plan(push), name)] == []
+    assert "set plant.timestep" in numerics.unfit(plan(step), "step 0.1 ms")
+    assert "set plant.contact.cone" in numerics.unfit(plan(cone), "pyramidal cone")
+    rigid = plan(push, **{"plant.kind": "rigid"})
+    left = [name for name in numerics.VARIANTS if not numerics.unfit(rigid, name)]
+    assert left == ["as it is", "step 0.5 ms", "step 0.1 ms", "step 0.05 ms", "rigid, scuffs are falls"]
+    with pytest.raises(UserError, match=r"no variant says anything about it \(RK4: the rigid plant"):
+        numerics.run(rigid, tmp_path, ["RK4"], lambda *_: pytest.fail("nothing should run"))

@@ -508,6 +508,22 @@ def test_files_are_complete_self_contained_and_reproducible(tmp_path) -> None:
     assert found["one"][Path("data/fig3-a.csv")].decode().splitlines()[0] == "x [s]"
 
 
+def test_a_page_says_what_was_changed_in_every_run(tmp_path) -> None:
+    (tmp_path / "data").mkdir()
+    changes = {"controller.kp": (0.0,) * 4}
+    report.write("fig3", finding(), tmp_path, quick=False, changes=changes)
+    page = report.write_page({"fig3": finding()}, tmp_path, quick=False, changes=changes)
+    for path in (page, tmp_path / "fig3.html"):
+        assert "against the paper:</b> controller.kp = (0.0, 0.0, 0.0, 0.0)" in path.read_text()
+    assert json.loads((tmp_path / "fig3.json").read_text())["changed"] == {"controller.kp": "(0.0, 0.0, 0.0, 0.0)"}
+
+
+def test_another_controller_takes_the_place_of_c_mpc_alone() -> None:
+    changed = Effort(changes={"controller.kind": "c-mpc-ltv"})
+    assert 'kind = "c-mpc-ltv"' in changed.scenario("rigid", "c-mpc")
+    assert 'kind = "zd-pd"' in changed.scenario("rigid", "zd-pd")
+
+
 def test_thinning_keeps_peaks_and_ends() -> None:
     y = np.zeros(100_000)
     y[54_321], y[98_765] = 1.0, -2.0
@@ -534,6 +550,9 @@ def test_every_experiment_is_there_and_says_what_it_needs() -> None:
         (["--workers", "0"], "--workers 0"),
         (["--controller.kp", "1"], "--controller.kp"),
         (["--fast"], "unknown option --fast"),
+        (["fig3", "--plant.kind", "rigid"], "--plant.kind rigid: is set by each experiment"),
+        (["fig3", "--steps", "3"], "--steps 3: is set by each experiment"),
+        (["fig3", "--controller", "zd-pd"], "--controller zd-pd: is what every controller is compared with"),
         (["fig3", "--out", "/proc/nowhere"], "--out /proc/nowhere: cannot be written"),
     ],
 )

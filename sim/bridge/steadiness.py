@@ -1,5 +1,6 @@
 """How steadily the ground carries a walker: its stance force from tick to tick, and torques after landings."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,9 +26,11 @@ class Steadiness:
 
     def rows(self, settling: float) -> tuple[tuple[str, str], ...]:
         """The figures in words, name and value; `settling`: time after a landing in [s] that counts as the impact."""
+        force = f"{self.alternation:.3f} N mean, {self.alternation_rms:.3f} N RMS"
+        torque = f"{self.landing_torque:.1f} N.m within {1e3 * settling:.0f} ms"
         return (
-            ("stance force, second difference", f"{self.alternation:.3f} N mean, {self.alternation_rms:.3f} N RMS"),
-            ("peak torque after landings", f"{self.landing_torque:.1f} N.m within {1e3 * settling:.0f} ms"),
+            ("stance force, second difference", force if math.isfinite(self.alternation) else "-"),
+            ("peak torque after landings", torque if math.isfinite(self.landing_torque) else "-"),
         )
 
 

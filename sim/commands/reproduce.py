@@ -21,6 +21,9 @@ from sim.terminal.interrupt import stop_on_signal
 from sim.terminal.progress import progress_bar
 from sim.walkers import ModelFiles
 
+OWN = ("name", "plant.kind", "steps")
+"""Settings of the experiments' own, which a flag would change in vain, or under a column's name."""
+
 OUT, OUT_QUICK = Path("logs/reproduce"), Path("logs/reproduce-quick")
 WIDTH = 200  # columns of a table that goes to a file
 
@@ -61,6 +64,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
 def _run(found: Namespace) -> int:
     names = _names(found.experiments)
     changes = flags.changes(Scenario(), found)
+    _check(changes)
     out = Path(found.out) if found.out is not None else OUT_QUICK if found.quick else OUT
     return _reproduce(names, out, changes, quick=found.quick, workers=found.workers, silent=found.quiet)
 
@@ -71,6 +75,19 @@ def _names(given: Sequence[str]) -> list[str]:
             guess = flags.nearest(name, EXPERIMENTS)
             raise UserError(f"no experiment {name!r}; {guess}There are: all, {', '.join(EXPERIMENTS)}")
     return [name for name in EXPERIMENTS if not given or "all" in given or name in given]
+
+
+def _check(changes: Mapping[str, Any]) -> None:
+    """Refuse what the experiments set themselves.
+
+    Raises:
+        UserError: names the flag.
+    """
+    for path in OWN:
+        if path in changes:
+            raise UserError(f"--{path} {changes[path]}: is set by each experiment; must be left out")
+    if changes.get("controller.kind") == "zd-pd":
+        raise UserError("--controller zd-pd: is what every controller is compared with; must be another one")
 
 
 def _reproduce(
@@ -115,7 +132,7 @@ def _reproduce(
         if found is None:
             raise UserError(f"{store.folder}: a result of {name} that was just written cannot be read")
         done[name] = found
-        report.write(name, found, out, quick=quick)
+        report.write(name, found, out, quick=quick, changes=changes)
 
     with stop_on_signal() as stop, progress_bar("reproducing", quiet=silent) as show:
         try:
@@ -128,8 +145,8 @@ def _reproduce(
     complete = {name: done.get(name) or evaluate(name) for name in EXPERIMENTS}
     shown = {name: found for name, found in complete.items() if found is not None}
     for name in shown.keys() - done.keys():
-        report.write(name, shown[name], out, quick=quick)
-    page = report.write_page(shown, out, quick=quick)
+        report.write(name, shown[name], out, quick=quick, changes=changes)
+    page = report.write_page(shown, out, quick=quick, changes=changes)
     _print_times({name: [store.cpu(task) for task in wanted[name].values()] for name in names})
     print(f"\npage: {page}\ndata: {out / 'data'}", flush=True)
     return 0

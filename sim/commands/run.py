@@ -89,6 +89,8 @@ def _run(found: Namespace) -> int:
         return 0
     scenario = flags.apply(scenario, found)
     if found.audit:
+        if found.log is not None or found.viewer:
+            raise UserError(f"--audit and {'--viewer' if found.viewer else '--log'}: must be one of them")
         return _audit(scenario, json=found.json)
     if found.no_log:
         log = None

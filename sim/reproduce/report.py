@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,17 @@ from sim.reproduce.study import PLANT_NAMES, Evaluation, Verdict
 DIGITS = 5  # significant ones in the page; the data files have all
 
 
-def write(name: str, found: Evaluation, folder: Path, *, quick: bool) -> None:
+def write(
+    name: str, found: Evaluation, folder: Path, *, quick: bool, changes: Mapping[str, Any] = MappingProxyType({})
+) -> None:
     """Write one experiment's files: data/*.csv, <name>.json, <name>.png, <name>.html.
 
     Args:
         name: A name in `EXPERIMENTS`.
         found: What it found.
         folder: Where the files go.
-        quick: Whether this is the coarse version, which the page then says.
+        quick: Whether this is the coarse version, which the data then say.
+        changes: Settings changed in every run, by dotted path.
     """
     data = folder / "data"
     data.mkdir(exist_ok=True)
@@ -37,22 +41,31 @@ def write(name: str, found: Evaluation, folder: Path, *, quick: bool) -> None:
         "experiment": name,
         "title": EXPERIMENTS[name],
         "quick": quick,
+        "changed": {path: str(value) for path, value in changes.items()},
         "verdicts": [dataclasses.asdict(verdict) for verdict in found.verdicts],
         "notes": list(found.notes),
     }
     (folder / f"{name}.json").write_text(json.dumps(verdict, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     draw(found.panels, f"{name}: {EXPERIMENTS[name]}", folder / f"{name}.png")
     title = f"{name}: {EXPERIMENTS[name]}"
-    pages.write(folder / f"{name}.html", _page(title, [_section(name, found, picture=None)], rows=[], lead=""))
+    sections = [_section(name, found, picture=None)]
+    pages.write(folder / f"{name}.html", _page(title, sections, rows=[], lead="", changes=changes))
 
 
-def write_page(found: Mapping[str, Evaluation], folder: Path, *, quick: bool) -> Path:
+def write_page(
+    found: Mapping[str, Evaluation],
+    folder: Path,
+    *,
+    quick: bool,
+    changes: Mapping[str, Any] = MappingProxyType({}),
+) -> Path:
     """Write index.html, self-contained: every experiment with verdicts, interactive figure and picture.
 
     Args:
         found: What each experiment found.
         folder: Where its PNGs are and the page goes.
         quick: Whether these are the coarse versions.
+        changes: Settings changed in every run, by dotted path.
 
     Returns:
         The page's path.
@@ -70,11 +83,14 @@ def write_page(found: Mapping[str, Evaluation], folder: Path, *, quick: bool) ->
     )
     sections = [_section(name, evaluation, picture=folder / f"{name}.png") for name, evaluation in found.items()]
     path = folder / "index.html"
-    pages.write(path, _page("The paper, made again", sections, rows=[_row(*row) for row in rows], lead=lead))
+    listed = [_row(*row) for row in rows]
+    pages.write(path, _page("The paper, made again", sections, rows=listed, lead=lead, changes=changes))
     return path
 
 
-def _page(title: str, sections: list[dict[str, Any]], *, rows: list[dict[str, Any]], lead: str) -> str:
+def _page(
+    title: str, sections: list[dict[str, Any]], *, rows: list[dict[str, Any]], lead: str, changes: Mapping[str, Any]
+) -> str:
     return pages.render(
         "reproduction.html",
         title=title,
@@ -82,6 +98,7 @@ def _page(title: str, sections: list[dict[str, Any]], *, rows: list[dict[str, An
         rows=rows,
         rules=[(rule.words, rule.meaning, rule.used) for rule in RULES],
         changed=CHANGED,
+        settings=", ".join(f"{path} = {value}" for path, value in changes.items()),
         plants=list(PLANT_NAMES.values()),
         sections=sections,
     )

@@ -8,7 +8,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from controller.common.settings import BUILT_IN
 from sim.reproduce.panels import Panel
 from sim.runner import Task
 from sim.scenario import Scenario, to_toml, with_values
@@ -70,8 +69,8 @@ class Effort:
             "controller.kind": controller,
         }
         wanted = {**base, **self.changes, **(changes or {})}
-        if wanted["controller.kind"] not in BUILT_IN and controller != "c-mpc":
-            wanted["controller.kind"] = controller  # one from outside takes the place of C-MPC alone
+        if controller != "c-mpc":
+            wanted["controller.kind"] = controller  # another one takes the place of C-MPC alone
             wanted = {path: value for path, value in wanted.items() if not path.startswith("controller.settings.")}
         return to_toml(with_values(Scenario(), wanted))
 

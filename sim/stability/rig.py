@@ -59,12 +59,14 @@ class Rig:
             dq: First rates in [rad/s], (5,).
             pushes: External forces; by default the scenario's.
             steps: Steps after which the run is completed; by default the scenario's.
-            end_time: Time after which it ends anyway in [s]; by default the scenario's, or 2 s for each step.
+            end_time: Time after which it ends anyway in [s]; by default the scenario's, and 2 s for each of `steps`.
             stop: Asked every tick; a reason ends the run as interrupted.
 
         Raises:
             UserError: the controller broke.
         """
+        if end_time is None:
+            end_time = self.course.end_time if steps is None else max(self.course.end_time, 2.0 * steps)
         steps = self.course.steps if steps is None else steps
         course = dataclasses.replace(
             self.course,
@@ -72,7 +74,7 @@ class Rig:
             dq=self.course.dq if dq is None else dq,
             pushes=self.course.pushes if pushes is None else pushes,
             steps=steps,
-            end_time=end_time or max(self.course.end_time, 2.0 * steps),
+            end_time=end_time,
         )
         summary = Loop(plant=self.walker(), controller=self.controller, course=course, tape=tape).run(stop=stop)
         if summary.outcome == Outcome.ERROR.value:

@@ -97,13 +97,31 @@ def variant(plan: Plan, name: str) -> Plan:
     return dataclasses.replace(plan, name=f"{plan.name}, {name}", scenario=with_values(plan.scenario, VARIANTS[name]))
 
 
+def unfit(plan: Plan, name: str) -> str:
+    """Why a variant would say nothing about a plan; empty where it does say something."""
+    changed = VARIANTS[name]
+    if not changed:
+        return ""
+    axes = [axis for study in plan.studies for axis in study.axes]
+    own = {path for axis in axes for path in axis.paths}
+    own |= {line.partition("=")[0].strip() for axis in axes for line in axis.also}
+    if taken := own & changed.keys():
+        return f"the plan's own studies set {min(taken)}"
+    there = plan.scenario.plant
+    if variant(plan, name).scenario.plant == there:
+        return "the plan is that already"
+    if there.kind == "rigid" and "plant.kind" not in changed and not changed.keys() & {"plant.timestep"}:
+        return "the rigid plant has no contact, and one integrator"
+    return ""
+
+
 def run(plan: Plan, out: Path, variants: Sequence[str], run_one: Run) -> Path | None:
     """Run a plan under variants and write the page and its data.
 
     Args:
         plan: The plan.
         out: Folder; each variant's results go into one of their own.
-        variants: Names in `VARIANTS`; the plan as it is comes first anyway.
+        variants: Names in `VARIANTS`; the plan as it is comes first anyway, and those that are `unfit` are left out.
         run_one: Runs one variant's plan into its folder.
 
     Returns:
@@ -112,7 +130,14 @@ def run(plan: Plan, out: Path, variants: Sequence[str], run_one: Run) -> Path | 
     Raises:
         UserError: the folder cannot be written, or a variant is not legal for this plan.
     """
-    names = list(dict.fromkeys((AS_IT_IS, *variants)))
+    names = [name for name in dict.fromkeys((AS_IT_IS, *variants)) if not unfit(plan, name)]
+    if names == [AS_IT_IS]:
+        reasons = "; ".join(f"{name}: {unfit(plan, name)}" for name in variants if name != AS_IT_IS)
+        raise UserError(f"plan {plan.name!r}: no variant says anything about it ({reasons or 'none was asked for'})")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {out}: cannot be written: {error.strerror}") from error
     found: dict[str, Results] = {}
     for name in names:
         folder = out / name.replace(" ", "-").replace(",", "")
@@ -126,13 +151,15 @@ def write(plan: Plan, found: Mapping[str, Results], out: Path) -> Path:
     """Write the page and its data; the page's path."""
     listed, moved = list(claims(found)), list(figures(found))
     held = sum(not claim.differs for claim in listed)
+    others = [name for name in found if name != AS_IT_IS]
+    left_out = {name: why for name in VARIANTS if (why := unfit(plan, name))}
     data = {
         "plan": plan.name,
         "variants": {name: dict(VARIANTS[name]) for name in found},
+        "left_out": left_out,
         "claims": [dataclasses.asdict(claim) | {"verdict": claim.verdict} for claim in listed],
         "figures": [dataclasses.asdict(one) for one in moved],
     }
-    others = [name for name in found if name != AS_IT_IS]
     page = pages.render(
         "numerics.html",
         title=f"{plan.name}: how much is the simulator",
@@ -140,7 +167,10 @@ def write(plan: Plan, found: Mapping[str, Results], out: Path) -> Path:
         claims=[(claim.name, claim.said[AS_IT_IS], claim.verdict) for claim in listed],
         figure_head=("figure", "controller", *others),
         figures=[(one.figure, one.controller, *(_percent(one.most.get(name)) for name in others)) for one in moved],
-        variants=[(name, ", ".join(f"{path} = {value}" for path, value in VARIANTS[name].items())) for name in others],
+        variants=[
+            *((name, ", ".join(f"{path} = {value}" for path, value in VARIANTS[name].items())) for name in others),
+            *((name, f"left out: {why}") for name, why in left_out.items()),
+        ],
     )
     try:
         (out / DATA).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
