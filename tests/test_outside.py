@@ -108,6 +108,44 @@ def test_a_file_a_module_an_object_and_a_name_installed_are_the_same_controller(
         assert walk(kind).state_digest == first.state_digest, kind
 
 
+REFUSES = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Settings:
+    gain: float = 3.0
+
+    def __post_init__(self):
+        if self.gain > 5.0:
+            raise ValueError("more than\\nthe motors bear")
+
+def make(settings: Settings): pass
+"""
+
+
+def test_settings_that_refuse_a_value_do_so_in_one_line(tmp_path, capsys):
+    (tmp_path / "refuses.py").write_text(REFUSES)
+    argv = ["run", "undisturbed", "--controller", str(tmp_path / "refuses.py"), "--controller.settings.gain", "7"]
+    assert cli.main([*argv, "--no-log"]) == 2
+    err = capsys.readouterr().err
+    assert err == "cmpc: error: --controller.settings: ValueError: more than the motors bear\n"
+
+
+def test_an_installed_distribution_offers_its_controller_by_name(tmp_path):
+    """A tiny distribution as pip lays it down, looked at by a process of its own."""
+    (tmp_path / "pd_of_mine.py").write_text(PD)
+    info = tmp_path / "pd_of_mine-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: pd-of-mine\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[cmpc.controllers]\nmy-pd = pd_of_mine:make\n")
+    argv = ["run", "undisturbed", "--controller", "my-pd", "--controller.settings.kp", "250", "--steps", "1"]
+    command = [sys.executable, "-m", "sim", *argv, "--no-log", "--json", "--quiet"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(ROOT), str(tmp_path)))}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["outcome"] == "completed"
+
+
 def test_its_settings_are_keys_flags_and_paths_with_units_and_help(pd):
     scenario = with_values(Scenario(), {"controller.kind": pd, "controller.settings.kp": 250})
     assert from_toml(to_toml(scenario)) == scenario and scenario.controller.settings.kp == 250.0
@@ -284,9 +322,17 @@ def test_a_log_is_read_without_its_code_and_run_again_only_with_it(pd, tmp_path,
     capsys.readouterr()
     assert cli.main(["log", "check", str(log)]) == 0 and cli.main(["log", "info", str(log)]) == 0
     assert cli.main(["review", str(log), "--out", "page.html"]) == 0
+    capsys.readouterr()
+    assert cli.main(["log", "compare", str(log), str(log)]) == 0 and "identical" in capsys.readouterr().out
+    assert cli.main(["log", "compare", str(log), "b.mcap"]) == 1
+    assert cli.main(["log", "export", str(log), "columns"]) == 0 and (tmp_path / "columns").exists()
     (tmp_path / "mine.py").write_text(PD + "# changed\nopen('ran', 'w').close()\n")
     with pytest.raises(UserError, match="has changed"):
         scenario_of(read_log(log))
+    capsys.readouterr()
+    assert cli.main(["replay", str(log), "--quiet"]) == 2
+    err = [line for line in capsys.readouterr().err.splitlines() if "warning" not in line]
+    assert len(err) == 1 and "has changed" in err[0]
     (tmp_path / "mine.py").unlink()
     with pytest.raises(UserError, match="is not here"):
         scenario_of(read_log(log))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.belief import Gait
+from controller.common import polynomials
 from controller.common.errors import UserError
 from controller.common.records import Vector
 from controller.design.orbit import Orbit, periodic_orbit
@@ -98,7 +99,7 @@ class GaitFamily:
         alpha = np.array([member.alpha for member, _ in members])
         q_minus = np.array([member.q_minus for member, _ in members])
         dq_minus = np.array([member.dq_minus for member, _ in members])
-        rate = np.array([np.polynomial.polynomial.polyfit(orbit.s, orbit.dtheta, DEGREE) for _, orbit in members])
+        rate = np.array([polynomials.fit(orbit.s, orbit.dtheta, DEGREE) for _, orbit in members])
         # What the free numbers cannot say of the own gait, such as the rounding of a printed table, fades likewise.
         near = np.concatenate((np.linspace(0.0, 1.0, at + 1), np.linspace(1.0, 0.0, len(members) - at)[1:]))
         return cls(

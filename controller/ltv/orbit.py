@@ -8,6 +8,7 @@ import numpy as np
 from controller.belief import Gains, Gait, Loop, WalkerModel, kernels
 from controller.belief.closed_loop import closed_loop
 from controller.belief.ground import lands
+from controller.common import polynomials
 from controller.common.compiled import Array, compiled
 
 STEPS = 60  # to settle on the periodic orbit
@@ -57,8 +58,8 @@ def find_orbit(model: WalkerModel, gait: Gait) -> Orbit:
     for _ in range(STEPS):
         q, dq, samples = _step(Loop(model.lumped, gait.table, gains), q, dq)
     s = (samples[:, 0] - gait.table.theta_start) / gait.table.theta_span
-    poly = np.polynomial.polynomial.polyfit(s, samples[:, 1], DEGREE)
-    return Orbit(poly=poly.astype(np.float64), theta_start=gait.table.theta_start, theta_span=gait.table.theta_span)
+    poly = polynomials.fit(s, samples[:, 1], DEGREE)
+    return Orbit(poly=poly, theta_start=gait.table.theta_start, theta_span=gait.table.theta_span)
 
 
 @compiled

@@ -19,6 +19,7 @@ from sim.errors import UserError
 from sim.settings.spec import Spec, leaf, specs
 
 T = TypeVar("T")
+OWN = ("sim", "controller")  # packages whose errors are defects
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +53,14 @@ def build(cls: type[T], table: Any, path: str = "") -> T:
             values[name] = build(spec.type, {}, join(path, name))
         elif spec.default is MISSING:
             raise UserError(f"{join(path, name)}: missing; must be {spec.legal}")
-    built = cls(**values)
+    try:
+        built = cls(**values)
+    except UserError:
+        raise
+    except Exception as error:  # a class from outside may refuse what its annotations allow
+        if cls.__module__.partition(".")[0] in OWN:
+            raise
+        raise UserError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
     _remember(built)
     return built
 
