@@ -9,7 +9,7 @@ from conftest import ROOT
 
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
-DEAR = ("own_robot", "nearest_fall", "limit_beside")  # design, search: `make docs-test` runs them
+DEAR = ("own_robot", "nearest_fall", "limit_beside", "live_view")  # `make docs-test` runs them
 SAYS = {
     "own_controller": ["undisturbed: completed after 10 steps", "push-40N-first: fell"],
     "payload_table": [r"\begin{tabular}", "falls in step"],
