@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.belief import Friction, Gains, Gait, Law, StanceEstimator, WalkerModel, load_gait
-from controller.belief.friction import PENALTY, ROWS
+from controller.belief.friction import PENALTY, ROWS, UNLIMITED
 from controller.cmpc import CascadedMpc, ZeroDynamicsController
 from controller.cmpc.cascade import Weights
 from controller.common import outside
@@ -22,6 +22,7 @@ from controller.qp import Solver, make_solver
 
 if TYPE_CHECKING:
     from controller.fitting.family import GaitFamily
+    from controller.ltv.cascade import LtvCascade
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +67,9 @@ def build(settings: ControllerSettings, belief: Belief, *, solver: Solver | None
     asks = settings.observer.enabled
     if settings.kind == "c-mpc":
         law: Law | Guarded = _c_mpc(settings, belief, solver)
+    elif settings.kind == "c-mpc-plan":
+        law = _c_mpc_plan(settings, belief, observer)
+        asks = True
     elif settings.kind in BUILT_IN:
         law = _FACTORIES[settings.kind](settings, belief)
     else:
@@ -132,7 +136,7 @@ def _from_outside(settings: ControllerSettings, belief: Belief, observer: PushOb
 # Modules below are imported, and their kernels compiled, only where they are used.
 
 
-def _c_mpc_ltv(settings: ControllerSettings, belief: Belief) -> Law:
+def _c_mpc_ltv(settings: ControllerSettings, belief: Belief) -> "LtvCascade":
     from controller.ltv.cascade import LtvCascade
 
     return LtvCascade(
@@ -143,6 +147,14 @@ def _c_mpc_ltv(settings: ControllerSettings, belief: Belief) -> Law:
         settings=settings.ltv,
         friction=_friction(settings, settings.ltv.force_penalty),
     )
+
+
+def _c_mpc_plan(settings: ControllerSettings, belief: Belief, observer: PushObserver) -> Law:
+    from controller.plan.cascade import PlanCascade
+
+    friction = _friction(settings) or UNLIMITED
+    calm = _c_mpc_ltv(settings, belief)
+    return PlanCascade(calm, settings.plan, friction, observer, period=settings.period)
 
 
 def _clf_qp(settings: ControllerSettings, belief: Belief) -> Law:

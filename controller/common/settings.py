@@ -26,7 +26,7 @@ from controller.common.units import (
 
 Four = tuple[float, float, float, float]
 
-BUILT_IN = ("c-mpc", "zd-pd", "c-mpc-ltv", "clf-qp", "output-mpc")
+BUILT_IN = ("c-mpc", "zd-pd", "c-mpc-ltv", "clf-qp", "output-mpc", "c-mpc-plan")
 """Kinds of controller that come with the program."""
 
 Kind = Annotated[str, Words(known=BUILT_IN, others=outside.is_named, legal=outside.LEGAL)]
@@ -77,6 +77,57 @@ class LtvSettings:
         """
         near = self.calm * self.calm / (self.calm * self.calm + off * off)
         return self.output + near * (self.output_calm - self.output)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanSettings:
+    """The planner of c-mpc-plan, and when it is followed; the other controllers do not read them.
+
+    Attributes:
+        steps: Steps planned, what is left of this one among them.
+        intervals: Of held torque in each.
+        every: Time between two plans, and after every landing.
+        delay: From the measurement a plan starts from to its use, in simulated time: what planning would take.
+        iterations: Of the quadratic programme for one plan.
+        torque: Weight on the torque of an interval.
+        angle: Distance of a landing posture from the gait's that costs 1/2.
+        speed: The same for the links' rates.
+        last: Factor on the last landing.
+        height: Distance of a landing foot from the ground that costs 1/2.
+        force: Violation of a contact limit that costs 1/2.
+        clearance: Least height of the swing foot in mid-step.
+        spread: Distance of a later step's time from the gait's that costs 1/2.
+        shortest: Least time of a step.
+        longest: Longest time of a step.
+        push: Observed push at which the plan is followed.
+        output: Output error at which the plan is followed.
+        rate: Distance of the clock's rate from the nominal orbit's at which the plan is followed.
+        calm: Share of the three below which the gait is followed again.
+        rest: How long they must be that small.
+        blend: Time in which the torque goes over from one to the other.
+    """
+
+    steps: Annotated[int, Unit("steps"), Range(low=2, high=4, words="from 2 to 4")] = 2
+    intervals: Annotated[int, Unit("intervals"), Range(low=4, high=60, words="from 4 to 60")] = 16
+    every: Annotated[Second, POSITIVE] = 0.02
+    delay: Annotated[Second, NOT_NEGATIVE] = 0.005
+    iterations: Annotated[int, Unit("iterations"), AT_LEAST_ONE] = 2
+    torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 4e-5
+    angle: Annotated[float, Unit("rad"), POSITIVE] = 0.1
+    speed: Annotated[float, Unit("rad/s"), POSITIVE] = 1.0
+    last: Annotated[Ratio, POSITIVE] = 3.0
+    height: Annotated[float, Unit("m"), POSITIVE] = 0.002
+    force: Annotated[Newton, POSITIVE] = 10.0
+    clearance: Annotated[float, Unit("m"), NOT_NEGATIVE] = 0.02
+    spread: Annotated[Second, POSITIVE] = 0.1
+    shortest: Annotated[Second, POSITIVE] = 0.15
+    longest: Annotated[Second, POSITIVE] = 1.1
+    push: Annotated[Newton, POSITIVE] = 12.0
+    output: Annotated[float, Unit("rad"), POSITIVE] = 0.15
+    rate: Annotated[float, Unit("rad/s"), POSITIVE] = 0.3
+    calm: Annotated[Ratio, FRACTION] = 0.5
+    rest: Annotated[Second, NOT_NEGATIVE] = 0.1
+    blend: Annotated[Second, POSITIVE] = 0.03
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,9 +253,9 @@ class ControllerSettings:
 
     Attributes:
         kind: Control law: the paper's cascade (ZD+PD inside an MPC), ZD+PD alone, or a cascade with an MPC that
-            linearises the closed loop through impacts and minds the clock's rate; or a rival: a control Lyapunov
-            function held by a QP, or MPC of the linearised outputs; or one from outside,
-            MODULE:FACTORY or FILE.py:FACTORY.
+            linearises the closed loop through impacts and minds the clock's rate, alone or with a planner of whole
+            steps beside it; or a rival: a control Lyapunov function held by a QP, or MPC of the linearised outputs;
+            or one from outside, MODULE:FACTORY or FILE.py:FACTORY.
         kp: Proportional gains K_P of the outputs.
         kd: Derivative gains K_D of the outputs.
         horizon: Prediction horizon N.
@@ -217,6 +268,7 @@ class ControllerSettings:
         solver: QP solver: riccati, made for this problem, or any by its name in qpsolvers.
         weights: Cost of c-mpc.
         ltv: Prediction and cost of c-mpc-ltv.
+        plan: Planner of c-mpc-plan.
         clf: Tuning of clf-qp.
         output_mpc: Tuning of output-mpc.
         gait_fitting: Which gait to follow.
@@ -236,6 +288,7 @@ class ControllerSettings:
     solver: str = "riccati"
     weights: WeightSettings = dataclasses.field(default_factory=WeightSettings)
     ltv: LtvSettings = dataclasses.field(default_factory=LtvSettings)
+    plan: PlanSettings = dataclasses.field(default_factory=PlanSettings)
     clf: ClfSettings = dataclasses.field(default_factory=ClfSettings)
     output_mpc: OutputMpcSettings = dataclasses.field(default_factory=OutputMpcSettings)
     gait_fitting: FittingSettings = dataclasses.field(default_factory=FittingSettings)

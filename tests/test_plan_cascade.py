@@ -1,0 +1,89 @@
+"""The third cascade in the loop: calm on the gait, on the plan under a push, the same again and again."""
+
+import numpy as np
+import pytest
+
+from sim.bridge import run as bridge
+from sim.loop import NoTape
+from sim.scenario import Push, Scenario, with_values
+
+PLAN = {"controller.kind": "c-mpc-plan", "plant.ground.friction": 0.8}
+BACK = with_values(Scenario(steps=2, pushes=(Push(force=-40.0, body="torso", step=1),)), PLAN)
+
+
+class Ticks(NoTape):
+    """Keeps every tick's decision and figures."""
+
+    def __init__(self):
+        self.steps, self.figures = [], []
+
+    def ticks(self, ticks):
+        self.steps.append(ticks.step.copy())
+        self.figures += [dict(ticks.diagnostics[k]) for k in range(ticks.first, ticks.first + len(ticks))]
+
+
+class Steps(NoTape):
+    """Keeps every tick's torque."""
+
+    def __init__(self):
+        self.torques = []
+
+    def ticks(self, ticks):
+        self.torques.append(ticks.step["u_total"].copy())
+
+
+def walk(scenario):
+    tape = Ticks()
+    summary = bridge.run_scenario(scenario, tape=tape)
+    return summary, np.concatenate(tape.steps), tape.figures
+
+
+def of(figures, name):
+    return np.array([tick[name] for tick in figures])
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    return walk(BACK)
+
+
+def test_it_stands_on_a_push_that_throws_the_second_cascade_over(pushed):
+    """40 N backward through the first step: it takes its time and walks on; c-mpc-ltv falls."""
+    summary, _, figures = pushed
+    assert summary.outcome == "completed"
+    assert of(figures, "plan followed").max() == 1.0 and of(figures, "plan time left [s]").max() > 0.8
+    second = bridge.run_scenario(with_values(BACK, {"controller.kind": "c-mpc-ltv"}))
+    assert second.outcome == "fell"
+
+
+def test_torques_keep_their_limits_and_sum_up(pushed):
+    """Whatever share the plan has, u_zd + u_mpc is the torque, and it is one the motors have."""
+    _, steps, _ = pushed
+    assert (np.abs(steps["u_total"]) <= [75.0, 75.0, 50.0, 50.0]).all()
+    np.testing.assert_allclose(steps["u_zd"] + steps["u_mpc"], steps["u_total"], rtol=0, atol=1e-9)
+
+
+def test_the_same_bytes_again(pushed):
+    """No wall clock: planning takes simulated time."""
+    _, steps, figures = pushed
+    _, again, same = walk(BACK)
+    assert (steps["u_total"] == again["u_total"]).all() and figures == same
+
+
+def test_calm_it_is_the_second_cascade():
+    """Undisturbed: not one torque is the plan's."""
+    _, steps, figures = walk(with_values(Scenario(time_limit=0.3), PLAN))
+    assert (of(figures, "plan followed") == 0.0).all()
+    tape = Steps()
+    bridge.run_scenario(with_values(Scenario(time_limit=0.3), PLAN | {"controller.kind": "c-mpc-ltv"}), tape=tape)
+    second = np.clip(np.concatenate(tape.torques), [-75, -75, -50, -50], [75, 75, 50, 50])
+    np.testing.assert_allclose(steps["u_total"], second, rtol=0, atol=1e-9)
+
+
+def test_a_plan_is_used_after_its_delay():
+    """Walks with and without a delay part, at the latest when the first plan under a push is used."""
+    one = with_values(BACK, {"time_limit": 0.1, "controller.plan.delay": 0.0})
+    _, at_once, _ = walk(one)
+    _, later, _ = walk(with_values(one, {"controller.plan.delay": 0.02}))
+    differ = np.flatnonzero((at_once["u_total"] != later["u_total"]).any(axis=1))
+    assert 0 < differ[0] < 100
