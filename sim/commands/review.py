@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import UserError
+from sim.settings import flags
 
 VIEWERS = ("foxglove", "lichtblick", "plotjuggler", "rerun")
-USAGE = "cmpc review RUN.mcap [B.mcap] [options]"
+USAGE = "cmpc review RUN.mcap [B.mcap] [options], or cmpc review DIR"
 DESCRIPTION = "Make one HTML page that shows a run, or two: it needs no network and can be sent by mail."
 EPILOG = """\
   cmpc review RUN.mcap                       one run
   cmpc review A.mcap B.mcap --out ab.html    two runs, overlaid and their difference
   cmpc review --follow RUN.mcap              a run that goes on, renewed as its log grows
+  cmpc review results/                       a campaign's falls: small pictures, each with its review
   cmpc review --layout foxglove walk.json    a layout for Foxglove or Lichtblick
   cmpc review --layout plotjuggler walk.xml  then: plotjuggler -d RUN.mcap -l walk.xml
   cmpc review --layout rerun RUN.mcap a.rrd  the log as Rerun draws it, with its layout: rerun a.rrd; extra "live"
@@ -31,6 +33,8 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser.add_argument("--out", metavar="PATH", help="the page (default: beside the log, .html)")
     parser.add_argument("--layout", choices=VIEWERS, help="write this viewer's layout instead of a page")
     parser.add_argument("--open", action="store_const", const=True, default=None, help="open it in the browser")
+    text = "falls of a campaign that are run again with their logs (default: 12)"
+    parser.add_argument("--most", type=flags.whole(1), default=12, metavar="INT", help=text)
     text = "make the page of one log anew while it is written, until its end; the browser renews it by itself"
     parser.add_argument("--follow", action="store_true", help=text)
     text = "do not (default: if on a terminal)"
@@ -45,9 +49,28 @@ def _run(found: Namespace) -> int:
         return _layout(found.layout, found.paths)
     if len(found.paths) > 2:
         raise UserError(f"cmpc review takes one log or two; {len(found.paths)} were given")
+    if Path(found.paths[0]).is_dir():
+        return _campaign(found.paths, found.most, found.open)
     if found.follow:
         return _follow(found.paths, found.out, found.open)
     return _page([Path(path) for path in found.paths], found.out, found.open)
+
+
+def _campaign(paths: list[str], most: int, wanted: bool | None) -> int:
+    if len(paths) != 1:
+        raise UserError(f"cmpc review DIR takes one folder of results; {len(paths)} paths were given")
+    from sim.review.campaign import review_campaign
+    from sim.terminal.console import note
+    from sim.terminal.interrupt import stop_on_signal
+    from sim.trials.run import Results
+    from sim.trials.run.recall import open_results
+
+    plan, store = open_results(paths[0])
+    with store, stop_on_signal() as stop:
+        page = review_campaign(Results(plan=plan, store=store), Path(paths[0]), most, note, stop)
+    print(page)
+    _open(page, wanted)
+    return 128 + stop.signum if stop.signum else 0
 
 
 def _follow(paths: list[str], out: str | None, wanted: bool | None) -> int:

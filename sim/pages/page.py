@@ -60,6 +60,13 @@ def _umask() -> int:
     return now
 
 
+def link(href: str, text: str) -> "Markup":
+    """A link for a cell of a table."""
+    from markupsafe import Markup, escape
+
+    return Markup(f'<a href="{escape(href)}">{escape(text)}</a>')
+
+
 @functools.cache
 def _environment() -> "Environment":
     from jinja2 import Environment, FileSystemLoader, StrictUndefined

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from controller.common.outside import file_label
 from sim import pages
 from sim.errors import UserError
 from sim.pages.palette import CAUSES, colour
@@ -27,6 +28,8 @@ from sim.trials.run.campaign import pending
 from sim.trials.run.store import Counts
 
 REPORT, BREAKS = "report.html", "breaks.html"
+FALLS, REVIEWS = "falls.html", "reviews"
+"""Page and folder of the falls that were run again, where they have been."""
 MOST_FALLS = 100  # rows of the list of falls
 
 
@@ -43,7 +46,7 @@ def write_report(results: Results, folder: Path) -> Path:
     Raises:
         UserError: the folder cannot be written.
     """
-    report, what_breaks = _report(results), _breaks(results)
+    report, what_breaks = _report(results, folder), _breaks(results)
     try:
         _write_csv(results, folder / "results.csv")
         _write_margins(results, folder / "margins.json")
@@ -85,7 +88,12 @@ def _write_plots(body: str, folder: Path) -> None:
         (folder / f"{place:03}-{name}.svg").write_text(found[0].replace("currentColor", "#000"), encoding="utf-8")
 
 
-def _report(results: Results) -> str:
+def review_name(controller: str, trial: int) -> str:
+    """File name of a trial's review in the folder `REVIEWS`."""
+    return f"{file_label(controller)}-{trial}.html"
+
+
+def _report(results: Results, folder: Path) -> str:
     plan = results.plan
     counts = results.store.counts()
     done = sum(one.done for one in counts.values())
@@ -102,7 +110,8 @@ def _report(results: Results) -> str:
         breaks=BREAKS,
         controllers=plan.controllers,
         studies=[(study.name, _section(results, study)) for study in plan.studies],
-        falls=list(_falls(results)),
+        falls=list(_falls(results, folder)),
+        looked_at=FALLS if (folder / FALLS).exists() else "",
         falls_in_all=sum(one.done - one.survived for one in counts.values()),
         plan=to_toml(plan),
     )
@@ -150,11 +159,13 @@ def _range(values: Sequence[float]) -> str:
     return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
-def _falls(results: Results) -> Iterator[Sequence[str]]:
-    """The first falls and errors, each with the id that runs it again."""
+def _falls(results: Results, folder: Path) -> Iterator[Sequence[str]]:
+    """The first falls and errors, each with the id that runs it again, a link where it has been."""
     rows = (row for row in results if not row.survived)
-    shown = heapq.nsmallest(MOST_FALLS, rows, key=lambda row: (row.known, row.trial, row.controller))
-    for row in shown:
+    first = heapq.nsmallest(MOST_FALLS, rows, key=lambda row: (row.known, row.trial, row.controller))
+    for row in first:
         values = ", ".join(f"{name} = {pages.number(value)}" for name, value in row.axis_values.items())
         cause = f"{row.cause}, {row.proof}" if row.cause else ""
-        yield f"{row.controller}/{row.trial}", row.study, values, str(row.steps), f"{row.time_s:.2f}", row.why, cause
+        name, page = f"{row.controller}/{row.trial}", f"{REVIEWS}/{review_name(row.controller, row.trial)}"
+        shown = pages.link(page, name) if (folder / page).exists() else name
+        yield shown, row.study, values, str(row.steps), f"{row.time_s:.2f}", row.why, cause
