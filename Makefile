@@ -82,5 +82,8 @@ $(STAMP): pyproject.toml constraints.txt
 				"give one with PYTHON=/path/to/python3" >&2; exit 1; }; \
 		echo "Making .venv with $$($(PYTHON) --version); this takes a few minutes, once."; \
 		$(PYTHON) -m venv --clear .venv; }
+	@echo "Installing packages (1 of 2)"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	@echo "Compiling kernels (2 of 2)"
+	@$(BIN)/python -m sim.bridge.kernels
 	@touch $@

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.belief.linalg import cholesky5, cholesky5_solve
-from controller.common.compiled import Array, compiled, inlined
+from controller.common.compiled import Array, compiled, inlined, nested
 
 N_Q = 5  # coordinates: stance hip, swing hip, stance knee, swing knee, torso
 N_U = 4  # actuated joints
@@ -170,7 +170,7 @@ def turn(q: Array, dq: Array, stage: Stage) -> None:
         stage.cos[i] = c - (s * sine + c * less)
 
 
-@compiled
+@nested
 def extend_inertia(walker: Walker, stage: Stage) -> None:
     """What rotors and centres of mass off their links' axes add to D and C dphi + G."""
     for i in range(N_Q):
@@ -183,7 +183,7 @@ def extend_inertia(walker: Walker, stage: Stage) -> None:
             stage.bias[i] -= across * cosine * stage.dphi[j] * stage.dphi[j]
 
 
-@compiled
+@nested
 def resistance(walker: Walker, i: int, q: float, dq: float) -> float:
     """Torque of spring and dry friction against joint i at angle q [rad] and rate dq [rad/s], in [N.m].
 
@@ -192,7 +192,7 @@ def resistance(walker: Walker, i: int, q: float, dq: float) -> float:
     return walker.friction[i] * np.tanh(dq / STICK) + walker.stiffness[i] * (q - walker.rest[i])
 
 
-@compiled
+@nested
 def resistance_slopes(walker: Walker, i: int, dq: float) -> tuple[float, float]:
     """Derivatives of `resistance` by rate in [N.m.s/rad] and by angle in [N.m/rad]."""
     stick = np.tanh(dq / STICK)

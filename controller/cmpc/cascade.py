@@ -10,10 +10,11 @@ from controller.belief.friction import ROWS, UNLIMITED, cone, excess
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.stance import calm, take
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict, roll_out, within_reason
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, compile_for, compiled, nested
 from controller.common.held import Held, held
 from controller.common.products import applied
 from controller.common.records import (
+    OBSERVATION,
     ControlStep,
     Leg,
     Observation,
@@ -142,7 +143,7 @@ class CascadedMpc(Law):
         )
 
     def decide(self, seen: Rows, step: Rows, i: int) -> None:
-        """The same from row to row: in compiled code, but for the few ticks around a landing and without an answer."""
+        """The same from row to row, in compiled code but for the few ticks without an answer."""
         solver = self.solver
         if not isinstance(solver, RiccatiSolver):
             self._by_records(seen, step, i)
@@ -151,8 +152,8 @@ class CascadedMpc(Law):
         self._plan = None
         found = foresee(parts, memory, seen, i)
         if found == EVENTFUL:
-            self._by_records(seen, step, i)
-            return
+            state = self.stance.update(observation_of(seen[i]))
+            found = foresee_from(parts, state.q, state.dq)
         horizon, problem = parts.value.horizon, parts.value.problem
         if found == READY:
             started = time.perf_counter()
@@ -188,6 +189,12 @@ class CascadedMpc(Law):
         return held
 
 
+def compile_foresight(law: Any) -> None:
+    """Compile what a tick does before it solves, and what hands its parts over."""
+    seen = np.zeros(1, OBSERVATION)
+    compile_for(foresee, law._parts(law.solver), law.stance.memory, seen, 0)
+
+
 class Parts(NamedTuple):
     """All that a tick works on."""
 
@@ -213,6 +220,12 @@ def foresee(parts: Any, memory: Any, seen: Any, i: int) -> int:
         return EVENTFUL
     q, dq = np.empty(N_Q), np.empty(N_Q)
     take(memory, seen[i], q, dq)
+    return foresee_from(parts, q, dq)
+
+
+@compiled
+def foresee_from(parts: Any, q: Array, dq: Array) -> int:
+    """Predict from a state in stance order and build the problem."""
     p = held(parts)
     roll_out(p.loop, q, dq, p.horizon)
     if not within_reason(p.horizon.x, p.horizon.force):
@@ -284,7 +297,7 @@ def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: F
     return problem
 
 
-@compiled
+@nested
 def fill(horizon: Horizon, weights: Weights, limit: Array, friction: Friction, out: StageQP) -> None:
     """All numbers of the problem that are not the horizon's own or the same in every tick."""
     T, Qp, Qd = horizon.T, weights.Q_position, weights.Q_velocity

@@ -21,14 +21,14 @@ from controller.belief.kernels import (
     swing_foot,
     turn,
 )
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.common.records import StanceState, Vector
 
 ABSURD = 1e7  # [N] no walker presses so hard on the ground; solvers stumble over such numbers
 TOUCHING = 1e-9  # [m] above the ground, from where a foot that goes down lands
 
 
-@compiled
+@nested
 def _within(a, bound):  # type: ignore[no-untyped-def]
     """Whether every magnitude is below a bound, which NaN is not."""
     for value in a:
@@ -37,7 +37,7 @@ def _within(a, bound):  # type: ignore[no-untyped-def]
     return True
 
 
-@compiled
+@nested
 def within_reason(x: Array, force: Array) -> bool:
     """Whether states and forces of a prediction stayed finite and within reason; those of a fallen walker need not."""
     return _within(x[-1], np.inf) and _within(force.ravel(), ABSURD)
@@ -160,7 +160,7 @@ def predict(loop: Loop, state: StanceState, N: int, T: float) -> Horizon:
     return horizon
 
 
-@compiled
+@nested
 def roll_out(loop: Loop, q0: Array, dq0: Array, out: Horizon) -> None:
     """Fill a horizon with the closed loop under ZD+PD from a state (5,), (5,), through impacts, Eqs. (10)-(13)."""
     walker, T = loop.walker, out.T

@@ -12,7 +12,6 @@ import functools
 import hashlib
 import os
 import re
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -22,7 +21,9 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
+from numba import types
 from numba.core.caching import _CacheLocator
+from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
 from controller.common.disk import KernelCache
@@ -42,9 +43,22 @@ def compiled(function: Callable[..., Any]) -> Any:
     return _kept(function)
 
 
+def nested(function: Callable[..., Any]) -> Any:
+    """The same for a kernel that kernels call: half the work of compiling it is what Python needs to call it.
+
+    Python may call it, too; that is compiled when it does, as a kernel around this one.
+    """
+    return _nested(function)
+
+
 def inlined(function: Callable[..., Any]) -> Any:
-    """The same, into the caller's body: to hand a record of arrays over takes longer than the work on it."""
-    return _kept(function, forceinline=True)
+    """`nested`, into the caller's body: to hand a record of arrays over takes longer than the work on it."""
+    return _nested(function, forceinline=True)
+
+
+def spliced(function: Callable[..., Any]) -> Any:
+    """`nested`, compiled as a piece of its caller's source: for a long one that has one caller."""
+    return _nested(function, inline="always")
 
 
 def generic(function: Callable[..., Any]) -> Any:
@@ -66,34 +80,66 @@ def on_disk(kernel: Any) -> bool:
     return any(folder.glob(f"*.{kernel.py_func.__qualname__}-*.nbc")) if folder.is_dir() else False
 
 
-@contextlib.contextmanager
-def compiled_beside(module: str) -> Iterator[None]:
-    """Let another process compile a module's kernels, by its `compile_kernels`, until the body has run and it is done.
-
-    Compilation holds one lock a process; two processes use two cores. What the other one cannot do is compiled here
-    when it is asked for.
-    """
-    if (os.cpu_count() or 1) < 2:
-        yield
-        return
-    code = f"from {module} import compile_kernels; compile_kernels()"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])}
-    quiet = subprocess.DEVNULL
-    other = subprocess.Popen([sys.executable, "-c", code], env=environment, stdin=quiet, stdout=quiet, stderr=quiet)
-    try:
-        yield
-        other.wait()
-    finally:
-        other.kill()
-        other.wait()
+def compile_for(kernel: Any, *arguments: Any) -> None:
+    """Compile a kernel for arguments like these, as another kernel would call it, without calling it."""
+    kernel.compile(tuple(kernel.typeof_pyval(argument) for argument in arguments))
 
 
-def _kept(function: Callable[..., Any], forceinline: bool = False) -> Any:
-    options: dict[str, Any] = {"error_model": "numpy", "forceinline": forceinline, "no_cfunc_wrapper": True}
-    kernel: Any = numba.njit(**options)(function)
+_OPTIONS: dict[str, Any] = {"nopython": True, "boundscheck": None, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+def _kept(function: Callable[..., Any]) -> Any:
+    return _cached(Kernel(function, targetoptions=dict(_OPTIONS)))
+
+
+def _nested(function: Callable[..., Any], **options: Any) -> Any:
+    return _cached(Nested(function, targetoptions=_OPTIONS | options | {"no_cpython_wrapper": True}))
+
+
+def _cached(kernel: Any) -> Any:
     with _our_locator():
-        kernel._cache = KernelCache(function)
+        kernel._cache = KernelCache(kernel.py_func)
     return kernel
+
+
+class Kernel(CPUDispatcher):
+    """Compiled once for all numbers of a type, where Numba compiles anew for every constant that it is called with."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What another kernel calls."""
+        named = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(types.unliteral, args)), named)
+
+
+class Nested(Kernel):
+    """A kernel that Python cannot call; where it does, it calls one made around this one."""
+
+    _caller: Any = None
+
+    def add_overload(self, cres: Any) -> None:
+        """Keep what has been compiled for other kernels, and only for them."""
+        self.overloads[tuple(cres.signature.args)] = cres
+
+    def _compile_for_args(self, *arguments: Any, **named: Any) -> Any:
+        """What Python calls in place of this kernel."""
+        if self._caller is None:
+            self._caller = _kept(_around(self))
+        entry = self._caller._compile_for_args(*arguments, **named)
+        if not named:
+            kernel: Any = self
+            kernel._insert([kernel.typeof_pyval(argument)._code for argument in arguments], entry, False)
+        return entry
+
+
+def _around(kernel: Any) -> Callable[..., Any]:
+    """A function that calls a kernel, from the same place."""
+    code, name = kernel.py_func.__code__, f"call_{kernel.py_func.__name__}"
+    arguments = ", ".join(code.co_varnames[: code.co_argcount])
+    text = "\n" * (code.co_firstlineno - 1) + f"def {name}({arguments}): return kernel({arguments})"
+    scope: dict[str, Any] = {"kernel": kernel, "__name__": kernel.py_func.__module__}
+    exec(compile(text, code.co_filename, "exec"), scope)
+    function: Callable[..., Any] = scope[name]
+    return function
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ from controller.belief.closed_loop import Gains, GaitTable, Loop, closed_loop, o
 from controller.belief.ground import lands
 from controller.belief.kernels import N_Q, N_U, Stage, Walker
 from controller.belief.polynomial import horner
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, compiled, nested
 
 
 class Nodes(NamedTuple):
@@ -197,7 +197,7 @@ class Drive(NamedTuple):
     k: Array
 
 
-@compiled
+@nested
 def _rate(drive: Drive, x: Array, dx: Array) -> None:
     """dx/dt of the full model."""
     q, dq = x[:N_Q], x[N_Q:]
@@ -211,7 +211,7 @@ def _rate(drive: Drive, x: Array, dx: Array) -> None:
         dx[N_Q + i] = drive.stage.ddq[i]
 
 
-@compiled
+@nested
 def _advance(drive: Drive, x: Array, h: float, out: Array) -> None:
     """One step of the classical Runge-Kutta method of fourth order from x over h [s] into out."""
     k = drive.k

@@ -5,13 +5,13 @@ With J = H [I; -c_a/c_5] the link angles are phi = J (y + h(theta)) + theta/c_5,
 
 from controller.belief import kernels
 from controller.belief.closed_loop import GaitTable, outputs
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 
 N_Z = 10
 Y, DY, THETA, DTHETA = 0, 4, 8, 9  # first index of each part of z
 
 
-@compiled
+@nested
 def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Array) -> None:
     """Output coordinates of a state (q, dq)."""
     theta, dtheta = outputs(gait, q, dq, stage)
@@ -22,7 +22,7 @@ def to_output(gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, z: Arr
     z[DTHETA] = dtheta
 
 
-@compiled
+@nested
 def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
     """State (q, dq) of output coordinates."""
     theta, dtheta = z[THETA], z[DTHETA]
@@ -45,7 +45,7 @@ def from_output(gait: GaitTable, z: Array, q: Array, dq: Array) -> None:
     dq[4] /= gait.clock[4]
 
 
-@compiled
+@nested
 def link_jacobian(gait: GaitTable, stage: kernels.Stage, J: Array, j: Array) -> None:
     """J = dphi/dy (5, 4), and j = dphi/dtheta (5,), after `outputs`."""
     inverse = 1.0 / gait.clock[4]
@@ -64,7 +64,7 @@ def link_jacobian(gait: GaitTable, stage: kernels.Stage, J: Array, j: Array) -> 
             j[i] += J[i, k] * stage.h1[k]
 
 
-@compiled
+@nested
 def times_J(gait: GaitTable, row: Array, out: Array) -> None:
     """Row (5,) times J = dphi/dy, (4,): what the joints turn, and the torso that makes up for it in the clock."""
     torso = -(row[0] + row[1] + row[2] + row[3] + row[4]) / gait.clock[4]

@@ -6,7 +6,7 @@ import numpy as np
 
 from controller.belief.friction import ROWS as FORCE_ROWS
 from controller.belief.friction import UNLIMITED, Friction, cone, excess
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.common.records import Vector
 from controller.common.settings import LtvSettings
 from controller.ltv.horizon import LtvHorizon
@@ -67,7 +67,7 @@ def new_problem(N: int) -> LtvProblem:
     )  # fmt: skip
 
 
-@compiled
+@nested
 def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
     """True cost of a predicted motion under a plan (N, 4) that keeps the torque limits."""
     N = plan.shape[0]
@@ -87,7 +87,7 @@ def objective(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array) -> float:
     return 0.5 * total
 
 
-@compiled
+@nested
 def model(cost: Cost, orbit: Orbit, h: LtvHorizon, plan: Array, p: LtvProblem) -> None:
     """The problem in deviations from a linearised horizon and its plan."""
     N, friction = plan.shape[0], cost.friction

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from controller.belief import kernels
 from controller.belief.closed_loop import Loop, closed_loop
 from controller.belief.ground import Ground, clearance, lands
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.ltv.coordinates import N_Z, from_output, to_output
 from controller.ltv.landing import land
 from controller.ltv.linearisation import derive, new_derivatives
@@ -70,7 +70,7 @@ class Outlook(NamedTuple):
     dq: Array
 
 
-@compiled
+@nested
 def look_ahead(outlook: Outlook, plan: Array, linearise: bool, out: LtvHorizon) -> None:
     """Fill the horizon, and make the plan possible: ZD+PD and plan together stay within the torque limits.
 

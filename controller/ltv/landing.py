@@ -11,12 +11,12 @@ from controller.belief.closed_loop import GaitTable, Loop, clock_of, closed_loop
 from controller.belief.ground import Ground, clearance
 from controller.belief.kernels import Walker
 from controller.belief.linalg import cholesky5_solve
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, from_output, link_jacobian, to_output
 from controller.ltv.motion import COLUMNS, accelerate
 
 
-@compiled
+@nested
 def clearance_gradient(walker: Walker, gait: GaitTable, ground: Ground, stage: kernels.Stage, by_z: Array) -> None:
     """Derivative of the height above the ground by z, (10,)."""
     link, by_q = np.empty(5), np.empty(5)
@@ -35,7 +35,7 @@ def clearance_gradient(walker: Walker, gait: GaitTable, ground: Ground, stage: k
         by_z[THETA] += by_z[Y + k] * stage.h1[k]
 
 
-@compiled
+@nested
 def impact_jacobian(
     walker: Walker, gait: GaitTable, q: Array, dq: Array, stage: kernels.Stage, jacobian: Array
 ) -> None:
@@ -111,7 +111,7 @@ def impact_jacobian(
         jacobian[DTHETA, m] = dtheta_m
 
 
-@compiled
+@nested
 def land(
     loop: Loop, ground: Ground, u_mpc: Array, z: Array, AB: Array, q: Array, dq: Array, stage: kernels.Stage,
     linearise: bool,

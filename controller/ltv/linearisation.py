@@ -13,7 +13,7 @@ from controller.belief import kernels
 from controller.belief.closed_loop import GaitTable, Loop, clock_of
 from controller.belief.kernels import Walker
 from controller.belief.linalg import cholesky5_solve
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, compiled, nested
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, times_J
 
 
@@ -55,7 +55,7 @@ def new_derivatives() -> Derivatives:
     )  # fmt: skip
 
 
-@compiled
+@nested
 def third_derivative(gait: GaitTable, theta: float, h3: Array) -> None:
     """d3h_d/dtheta3, (4,)."""
     s = (theta - gait.theta_start) / gait.theta_span
@@ -68,7 +68,7 @@ def third_derivative(gait: GaitTable, theta: float, h3: Array) -> None:
         h3[i] = v / gait.theta_span**3
 
 
-@compiled
+@nested
 def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array) -> None:
     """Derivatives of link torques tau_i = sum_j A_ij (cos_ij ddphi_j + sin_ij dphi_j^2) - g b_i sin phi_i and force."""
     for i in range(5):
@@ -111,7 +111,7 @@ def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array)
             D[6, i] += b * cosine
 
 
-@compiled
+@nested
 def derive(loop: Loop, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage, out: Derivatives) -> None:
     """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `closed_loop`."""
     walker, gait, gains = loop
@@ -182,7 +182,7 @@ def derive(loop: Loop, theta: float, dtheta: float, u_mpc: Array, stage: kernels
     add_held_torque(walker, gait, u_mpc, Jh1, stage, out)
 
 
-@compiled
+@nested
 def spread(joints: Array, torso: float, links: Array) -> None:
     """Link angles (or rates) of joint angles (4,) and a torso angle."""
     links[0] = joints[0] + torso
@@ -192,7 +192,7 @@ def spread(joints: Array, torso: float, links: Array) -> None:
     links[4] = torso
 
 
-@compiled
+@nested
 def add_held_torque(
     walker: Walker, gait: GaitTable, u_mpc: Array, j: Array, stage: kernels.Stage, out: Derivatives
 ) -> None:

@@ -5,14 +5,14 @@ import numpy as np
 from controller.belief import kernels
 from controller.belief.closed_loop import Gains, Loop, clock_of
 from controller.belief.linalg import cholesky5_solve
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y
 from controller.ltv.linearisation import Derivatives
 
 COLUMNS = N_Z + 4  # derivatives by z and by a torque held over the stage
 
 
-@compiled
+@nested
 def accelerate(loop: Loop, dtheta: float, u_mpc: Array, stage: kernels.Stage, f: Array) -> None:
     """dz/dt of the closed loop under a held u_mpc, (10,), after `closed_loop`; factorises the inertia."""
     gait, gains = loop.gait, loop.gains
@@ -33,7 +33,7 @@ def accelerate(loop: Loop, dtheta: float, u_mpc: Array, stage: kernels.Stage, f:
     f[DTHETA] = by_zd + by_mpc
 
 
-@compiled
+@nested
 def advance(f: Array, h: float, z: Array) -> None:
     """One step of length h in place, second-order in the positions, as Eq. (10)."""
     for i in range(4):
@@ -43,7 +43,7 @@ def advance(f: Array, h: float, z: Array) -> None:
     z[DTHETA] += h * f[DTHETA]
 
 
-@compiled
+@nested
 def advance_tangent(gains: Gains, d: Derivatives, h: float, AB: Array) -> None:
     """The derivative of `advance` applied to AB (10, 14) from the left; rows are contiguous, for the vector units."""
     half = 0.5 * h * h

@@ -3,13 +3,13 @@
 import numpy as np
 
 from controller.belief.linalg import cholesky4, cholesky4_solve
-from controller.common.compiled import compiled
+from controller.common.compiled import nested
 from controller.ltv.coordinates import DTHETA, N_Z, THETA
 from controller.ltv.problem import LtvProblem, LtvState
 from controller.qp.bounds import AT_UPPER, FREE, corrected
 
 
-@compiled
+@nested
 def backward(p: LtvProblem, s: LtvState) -> None:
     """Riccati recursion under the guess."""
     N, r = p.limits.shape
@@ -115,7 +115,7 @@ def backward(p: LtvProblem, s: LtvState) -> None:
                 K[i, j] = gain[j, i]
 
 
-@compiled
+@nested
 def first_torque(p: LtvProblem, s: LtvState) -> int:
     """Torque of stage 0 inside its box, by active-set steps; returns how many of its guesses changed."""
     L = np.empty((4, 4))
@@ -153,7 +153,7 @@ def first_torque(p: LtvProblem, s: LtvState) -> int:
     return changes
 
 
-@compiled
+@nested
 def forward(p: LtvProblem, s: LtvState) -> int:
     """Torques and deviations; corrects the guess of exceeded rows and returns how many changed."""
     N, r = p.limits.shape
@@ -186,7 +186,7 @@ def forward(p: LtvProblem, s: LtvState) -> int:
     return changes
 
 
-@compiled
+@nested
 def solve(p: LtvProblem, s: LtvState, limit: int) -> int:
     """Sweep until the guess is confirmed; returns the sweeps, negative if it never was."""
     for count in range(1, limit + 1):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.qp.bounds import AT_UPPER, corrected
 from controller.qp.problem import StageQP
 from controller.qp.riccati import Factors, Terms, new_factors, newton_step, smooth_gradient
@@ -30,7 +30,7 @@ class Guess(NamedTuple):
     exceeded: NDArray[np.bool_]
 
 
-@compiled
+@nested
 def shift(guess: Guess) -> None:
     """Move the guess one stage on: what was stage 1 a tick ago is stage 0 now."""
     N, r = guess.exceeded.shape
@@ -64,7 +64,7 @@ def new_sweep(N: int, terms: Terms) -> Sweep:
     return Sweep(np.zeros((N, 4)), np.zeros((N, 4)), np.zeros((N, 4)), terms, new_factors(N))
 
 
-@compiled
+@nested
 def iterate(p: StageQP, guess: Guess, s: Sweep, limit: int) -> int:
     """Sweep until a guess is confirmed.
 
@@ -109,7 +109,7 @@ def iterate(p: StageQP, guess: Guess, s: Sweep, limit: int) -> int:
     return -limit
 
 
-@compiled
+@nested
 def correct(p: StageQP, guess: Guess, u: Array, gradient: Array) -> tuple[int, int]:
     """Complete the gradient by the rows' share, correct the guess, and say in how many places and up to which stage."""
     N, r = guess.exceeded.shape

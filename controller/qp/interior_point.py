@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.qp.active_set import Guess
 from controller.qp.bounds import AT_LOWER, AT_UPPER, FREE
 from controller.qp.fours import (
@@ -100,7 +100,7 @@ def new_newton(N: int, r: int) -> Newton:
     )  # fmt: skip
 
 
-@compiled
+@nested
 def minimise(p: StageQP, x: Point, scale: float, newton: Newton, tolerance: float, limit: int) -> int:
     """Minimise from a point inside all bounds: that of `start`, or where an earlier call with less tolerance ended.
 
@@ -133,7 +133,7 @@ def minimise(p: StageQP, x: Point, scale: float, newton: Newton, tolerance: floa
     return -limit
 
 
-@compiled
+@nested
 def second_order(d: Point, second: Point) -> None:
     """Products of the steps in what is complementary, which a Newton step leaves out."""
     N, r = d.force.shape
@@ -147,7 +147,7 @@ def second_order(d: Point, second: Point) -> None:
             second_force[k, q] = d_force[k, q] * d_slack[k, q]
 
 
-@compiled
+@nested
 def advance(x: Point, alpha: float, d: Point) -> None:
     """x + alpha d, in place."""
     N, r = x.force.shape
@@ -162,7 +162,7 @@ def advance(x: Point, alpha: float, d: Point) -> None:
             slack[k, q] += alpha * d_slack[k, q]
 
 
-@compiled
+@nested
 def start(p: StageQP, x: Point, warm: bool, newton: Newton) -> float:
     """Point to begin with, strictly inside all bounds.
 
@@ -201,7 +201,7 @@ def start(p: StageQP, x: Point, warm: bool, newton: Newton) -> float:
     return scale
 
 
-@compiled
+@nested
 def identify(p: StageQP, x: Point, guess: Guess) -> None:
     """What is active at a point near the optimum: where the multiplier outweighs the distance."""
     N, r = p.limits.shape
@@ -216,7 +216,7 @@ def identify(p: StageQP, x: Point, guess: Guess) -> None:
             guess.exceeded[k, q] = x.force[k, q] > x.slack[k, q]
 
 
-@compiled
+@nested
 def linearise(p: StageQP, x: Point, newton: Newton) -> tuple[float, float, float]:
     """Newton system at x; returns mean complementarity product, stationarity and feasibility residual."""
     N, r = p.limits.shape
@@ -253,7 +253,7 @@ def linearise(p: StageQP, x: Point, newton: Newton) -> tuple[float, float, float
     return mu / (N * (8 + r)), largest(worst), feasibility
 
 
-@compiled
+@nested
 def direction(p: StageQP, x: Point, newton: Newton, mu: float, fresh: bool) -> None:
     """Newton direction towards complementarity products mu, without the second-order terms; factorises if fresh."""
     N, r = p.limits.shape
@@ -293,7 +293,7 @@ def direction(p: StageQP, x: Point, newton: Newton, mu: float, fresh: bool) -> N
             d_slack[k, q] = residual[k, q] - change + d_force[k, q] * softness
 
 
-@compiled
+@nested
 def longest(x: Point, newton: Newton, d: Point) -> float:
     """Longest step, at most 1, that keeps every bounded quantity from crossing zero."""
     N, r = newton.residual.shape
@@ -312,7 +312,7 @@ def longest(x: Point, newton: Newton, d: Point) -> float:
     return 1.0 / max(largest(blocked), blocked_row)
 
 
-@compiled
+@nested
 def complementarity(p: StageQP, x: Point, d: Point, alpha: float) -> float:
     """Mean complementarity product after a step."""
     N, r = p.limits.shape

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, nested
 from controller.qp.problem import StageQP
 from controller.qp.riccati import rates, smooth_gradient
 
@@ -30,7 +30,7 @@ class Residuals(NamedTuple):
     active: int
 
 
-@compiled
+@nested
 def residuals(p: StageQP, u: Array, gradient: Array, at_bound: float) -> Residuals:
     """Residuals of torques whose gradient is known.
 
@@ -64,7 +64,7 @@ def residuals(p: StageQP, u: Array, gradient: Array, at_bound: float) -> Residua
     return Residuals(feasibility, stationarity, complementarity, slack, active)
 
 
-@compiled
+@nested
 def residuals_at(p: StageQP, u: Array, at_bound: float) -> Residuals:
     """Residuals of any torques; arguments as of `residuals`."""
     N, r = p.limits.shape

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, compiled, nested
 from controller.qp.bounds import FREE
 from controller.qp.fours import (
     Matrix4,
@@ -103,7 +103,7 @@ def new_terms(N: int, r: int) -> Terms:
     return Terms(z((N, 4), dtype=np.int8), z((N, 4)), z((N, 4)), z((N, r)), z((N, 4)), z((N, 4)))
 
 
-@compiled
+@nested
 def newton_step(p: StageQP, terms: Terms, factors: Factors, du: Array, dw: Array, last: int) -> None:
     """Factorise the Newton matrix and step.
 
@@ -154,7 +154,7 @@ def newton_step(p: StageQP, terms: Terms, factors: Factors, du: Array, dw: Array
     _forward(rate, factors, du, dw)
 
 
-@compiled
+@nested
 def step(p: StageQP, terms: Terms, factors: Factors, du: Array, dw: Array) -> None:
     """Step with the factors of the last `newton_step` and other linear terms; arguments as there."""
     rate = p.rate
@@ -233,7 +233,7 @@ def _forward(rate: Array, factors: Factors, du: Array, dw: Array) -> None:
         store(w, dw, k)
 
 
-@compiled
+@nested
 def rates(p: StageQP, u: Array, w: Array) -> None:
     """w_{k+1} = w_k + M_k u_k, filled into w (N, 4), whose row k holds w_{k+1}."""
     running = np.zeros(4)
@@ -244,7 +244,7 @@ def rates(p: StageQP, u: Array, w: Array) -> None:
             w[k, i] = running[i]
 
 
-@compiled
+@nested
 def smooth_gradient(p: StageQP, u: Array, w: Array, gradient: Array) -> None:
     """Gradient in u of the quadratic part of the objective (errors and inputs), filled into (N, 4)."""
     costate = np.zeros(4)

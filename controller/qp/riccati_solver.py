@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.common.compiled import compiled
+from controller.common.compiled import compile_for, nested, spliced
 from controller.common.records import Status
 from controller.qp import active_set, interior_point, riccati
 from controller.qp.active_set import Guess, Sweep
@@ -114,23 +114,29 @@ class RiccatiSolver:
 
 
 def compile_kernels() -> None:
-    """Compile all that a solve needs, on a problem of one stage; its answer does not matter."""
+    """Compile what a solve calls, for a problem of one stage."""
     N, r = 1, 3
     e = np.zeros
-    problem = StageQP(
+    p = StageQP(
         e((N, 4, 4)), np.ones((N, 4)), e((N, 4)), np.ones(4), e((N, 4)) - 1.0, e((N, 4)) + 1.0, e((N, r, 4)),
         np.ones((N, r)), 1.0,
     )  # fmt: skip
-    RiccatiSolver(N, r, ()).solve(problem)
+    s = new_state(N, r)
+    compile_for(active_set.iterate, p, s.guess, s.sweep, SWEEPS)
+    compile_for(residuals, p, s.sweep.u, s.sweep.gradient, AT_BOUND)
+    compile_for(interior_point.start, p, s.point, True, s.newton)
+    compile_for(interior_point.minimise, p, s.point, 1.0, s.newton, 1e-5, INTERIOR_ITERATIONS)
+    compile_for(interior_point.identify, p, s.point, s.guess)
+    compile_for(active_set.correct, p, s.guess, s.sweep.u, s.sweep.gradient)
 
 
-@compiled
+@nested
 def good(checks: Residuals) -> bool:
     """Whether an answer may be used; NaN is not."""
     return checks.stationarity <= STATIONARY and checks.feasibility <= AT_BOUND
 
 
-@compiled
+@spliced
 def advance(p: StageQP, s: State) -> tuple[int, Residuals]:
     """Answer one tick's problem into `s.sweep.u`.
 

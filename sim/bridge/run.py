@@ -8,16 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.belief.closed_loop import zero_dynamics
-from controller.cmpc import CascadedMpc
-from controller.cmpc.prediction import predict, roll_out
 from controller.common import outside
-from controller.common.compiled import compiled_beside, on_disk
-from controller.common.records import Leg, StanceState
 from controller.common.settings import BUILT_IN
 from controller.guard import guarded, hangs_end
 from controller.qp import Solver, make_solver
 from controller.qp.compare import ComparingSolver, compare_solvers, exact_clarabel
+from sim.bridge import kernels
 from sim.bridge.controllers import Belief, build_controller, known_belief, load_belief
 from sim.interface import LEGS, OBSERVATION, STEP, Controller, Observation, Plant, RowController, Vector
 from sim.log import provenance
@@ -138,30 +134,23 @@ def build_rig(scenario: Scenario) -> Rig:
     )
 
 
-def warm_up(controller: Controller, observation: Observation, announce: Announce | None = None) -> None:
-    """Compile the controller's kernels, or load them from disk, so that no tick pays for it.
+def warm_up(controller: Controller, observation: Observation) -> None:
+    """Load the controller's kernels from disk, or compile them, so that no tick pays for it.
 
     Args:
         controller: To be warmed; reset it afterwards.
         observation: Anything legal.
-        announce: Told a line for the user where compiling will take long.
     """
     if guarded(controller):  # one from outside may count its ticks
         return
-    first = not on_disk(roll_out if isinstance(controller, CascadedMpc) else zero_dynamics)
-    if announce and first:
-        announce("compiling kernels, once, about 20 s")
-    if first and isinstance(controller, CascadedMpc):
-        with compiled_beside(
-            "controller.qp.riccati_solver"
-        ):  # the solver's in another process, while this one predicts
-            state = StanceState(q=observation.q, dq=observation.dq, leg=Leg.LEFT)
-            predict(controller.loop, state, controller.N, controller.T)
-    controller.step(observation)
-    if isinstance(controller, RowController):
-        seen, step = np.zeros(1, OBSERVATION), np.zeros(1, STEP)  # no foot in contact: none lands
-        seen["t"], seen["q"], seen["dq"] = observation.t + 1.0, observation.q, observation.dq
-        controller.decide(seen, step, 0)
+    if not isinstance(controller, RowController):
+        controller.step(observation)
+        return
+    seen, step = np.zeros(2, OBSERVATION), np.zeros(2, STEP)
+    seen["t"], seen["q"], seen["dq"] = observation.t + 1.0, observation.q, observation.dq
+    seen["t"][1], seen["contact"][1] = observation.t + 1.001, 1  # the swing foot lands, so that an impact lasts
+    for row in range(len(seen)):
+        controller.decide(seen, step, row)
 
 
 def run_scenario(
@@ -176,6 +165,7 @@ def run_scenario(
     solver: Solver | None = None,
     tape: Tape | None = None,
     belief: Belief | None = None,
+    prepared: bool = False,
 ) -> RunSummary:
     """Run a scenario from start to end.
 
@@ -190,19 +180,23 @@ def run_scenario(
         solver: Used instead of the one the scenario names.
         tape: Takes ticks and events, beside the log if one is written.
         belief: The controller's model and gait if they have been loaded before; read from their files if not.
+        prepared: Whether to compile what is missing here and now, not in processes beside this one.
 
     Raises:
+        KeyboardInterrupt: stopped while kernels were compiled, before the run began.
         UserError: a file or a setting is not legal, the log cannot be written, or there is no display.
     """
     if view:
         check_display()
     files = files or ModelFiles.of(scenario)
+    if not prepared:
+        _prepare(scenario, stop, announce)
     belief = belief or load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief, solver=solver)
     plant = build_plant(scenario, files)
     course = _course(scenario, belief, plant)
     plant.reset(course.q, course.dq, course.stance)
-    warm_up(controller, plant.observe(), announce)
+    warm_up(controller, plant.observe())
 
     def loop(tape: Tape) -> RunSummary:
         walker = instrument(plant, scenario)
@@ -217,6 +211,18 @@ def run_scenario(
         summary = loop(Tapes(recorder, tape) if tape else recorder)
         recorder.result(summary)
     return summary
+
+
+def _prepare(scenario: Scenario, stop: Stop | None, announce: Announce | None) -> None:
+    """Compile what is not on disk yet."""
+    kind, plant = scenario.controller.kind, scenario.plant.kind
+    if kernels.ready(kind, plant):
+        return
+    if announce:
+        announce(kernels.ONCE)
+    kernels.prepare(kind, plant, stop=stop or (lambda: None))
+    if stop and stop():
+        raise KeyboardInterrupt
 
 
 def _text(path: Path) -> str:

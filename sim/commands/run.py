@@ -9,7 +9,7 @@ import shlex
 import sys
 import tempfile
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -189,6 +189,11 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
     prints = (
         contextlib.redirect_stdout(sys.stderr) if json else contextlib.nullcontext()
     )  # of a controller from outside
+    with stop_on_signal() as stop:
+        _prepare(scenario, stop, quiet=quiet or json)
+        if stop.signum:
+            console.note(f"cmpc: {stop()} while kernels were compiled, before the run began")
+            return 128 + stop.signum
     with stop_on_signal() as stop, walking(scenario.steps, quiet=quiet or json) as show, prints:
         summary = run_scenario(
             scenario, log=log, progress=show, stop=stop, announce=console.note, view=view, tape=witness
@@ -211,6 +216,20 @@ def _say_next(fell: bool, scenario: Scenario, log: Path) -> None:
     other = "c-mpc" if fell and scenario.controller.kind != "c-mpc" else "zd-pd" if not fell else "c-mpc-ltv"
     if other != scenario.controller.kind:
         console.next_step(f"cmpc replay {path} --controller {other}", "the same situation under another controller")
+
+
+def _prepare(scenario: Scenario, stop: Callable[[], str | None], *, quiet: bool) -> None:
+    """Compile the kernels that the run needs and that are not on disk."""
+    from sim.bridge import kernels
+    from sim.terminal.progress import progress_bar
+
+    kind, plant = scenario.controller.kind, scenario.plant.kind
+    if kernels.ready(kind, plant):
+        return
+    if not sys.stderr.isatty():
+        console.note(kernels.ONCE)
+    with progress_bar("compiling kernels, once", quiet=quiet) as update:
+        kernels.prepare(kind, plant, stop=stop, show=update or kernels.unseen)
 
 
 def print_summary(summary: "RunSummary", scenario: Scenario, *, json: bool, why: str = "") -> None:

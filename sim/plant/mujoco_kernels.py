@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import carray
 
-from controller.common.compiled import Array, compiled
+from controller.common.compiled import Array, compiled, nested
 from sim.plant.engine import mj_step, pointer
 from sim.plant.rows import COS, INTERCEPT, SIN, facet_under
 
@@ -115,7 +115,7 @@ def move(work: Any, step: Any, i: int, forces: Any, acting: Any) -> int:
     return FINE if math.isfinite(total + rates) else DIVERGED
 
 
-@compiled
+@nested
 def _push(w: Any, forces: Any, acting: Any) -> None:
     """Write the forces as MuJoCo takes them: at the link's centre of mass, with the torque about it."""
     xfrc, qpos = carray(pointer(w.xfrc), (w.nbody, 6)), carray(pointer(w.qpos), (w.nq,))

@@ -12,7 +12,7 @@ import numpy as np
 from numba import carray
 from numpy.typing import NDArray
 
-from controller.common.compiled import compiled
+from controller.common.compiled import compiled, nested
 from controller.common.products import applied
 from sim.plant.engine import pointer
 
@@ -68,7 +68,7 @@ WORK = np.dtype(
 """What the pinned walker is and the work space of its equations; SI units."""
 
 
-@compiled
+@nested
 def place(work: Work, q: Array, dq: Array) -> None:
     """Write MuJoCo's position and velocity of the walker whose pinned foot rests on the foothold."""
     w: Any = work[0]
@@ -89,7 +89,7 @@ def place(work: Work, q: Array, dq: Array) -> None:
         qvel[w.q[i]] = dq[i]
 
 
-@compiled
+@nested
 def pin(work: Work, q: Array, dq: Array, leg: int) -> None:
     """Fill T and s of the walker pinned at foot `leg`."""
     w: Any = work[0]
@@ -131,7 +131,7 @@ def swing_foot(work: Work, q: Array, dq: Array) -> tuple[float, float, float, fl
     return x, z, dx, dz
 
 
-@compiled
+@nested
 def reduce(M: Array, T: Array, A: Array) -> None:
     """A = T' M T."""
     for i in range(5):
@@ -147,7 +147,7 @@ def reduce(M: Array, T: Array, A: Array) -> None:
             A[j, i] = total
 
 
-@compiled
+@nested
 def solve(A: Array, x: Array) -> None:
     """Solve A x = rhs in place, A symmetric positive definite; its lower triangle becomes the Cholesky factor."""
     n = x.shape[0]
@@ -169,7 +169,7 @@ def solve(A: Array, x: Array) -> None:
         x[i] /= A[i, i]
 
 
-@compiled
+@nested
 def slope(work: Work, y: Array, dy: Array) -> None:
     """Rates, accelerations, and the force of the ground on the pinned foot at y; M, bias and applied are filled."""
     w: Any = work[0]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numba import carray
 
-from controller.common.compiled import compiled
+from controller.common.compiled import compiled, nested
 from sim.plant.engine import (
     mj_applyFT,
     mj_comPos,
@@ -24,7 +24,7 @@ ALL, NO_TORQUE = -1, -2
 """How a hold ended: all substeps taken, or none; else the number of the substep in which the swing foot lands."""
 
 
-@compiled
+@nested
 def begin(work: Work, q: Array, dq: Array) -> None:
     """Start a step of RK4 at (q, dq), with no impulse so far, and write where MuJoCo has to look first."""
     w: Any = work[0]
@@ -36,7 +36,7 @@ def begin(work: Work, q: Array, dq: Array) -> None:
     place(work, q, dq)
 
 
-@compiled
+@nested
 def stage(work: Work, number: int, h: float) -> None:
     """A stage of RK4 over h [s]: the slope where MuJoCo has looked, then y for the next stage, or the end."""
     w: Any = work[0]
@@ -52,7 +52,7 @@ def stage(work: Work, number: int, h: float) -> None:
     place(work, y[:5], y[5:10])
 
 
-@compiled
+@nested
 def weigh(work: Work) -> None:
     """Inertia matrix where the walker has been placed."""
     w: Any = work[0]
@@ -62,7 +62,7 @@ def weigh(work: Work) -> None:
     mj_fullM(w.model, w.data, w.M_at)
 
 
-@compiled
+@nested
 def load(work: Work, forces: Any, acting: Any) -> None:
     """Generalised forces of motors and of the pushes that act, where the walker has been placed."""
     w: Any = work[0]
@@ -108,7 +108,7 @@ def swing_height(work: Work, ground: Array, q: Array, dq: Array) -> tuple[float,
     return x, height, dz - ground[facet, TAN] * dx
 
 
-@compiled
+@nested
 def take(work: Work) -> None:
     """Make the result of `after` the present."""
     w: Any = work[0]

@@ -1,0 +1,55 @@
+"""Kernels are compiled in processes beside the one that asks, which stays free to be interrupted."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from conftest import ROOT
+
+from sim.bridge import kernels
+
+
+@pytest.mark.parametrize(("signum", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_a_run_that_compiles_and_its_helpers(signum, code, tmp_path):
+    kept = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    command = [sys.executable, "-m", "sim", "run", "undisturbed", "--log", str(tmp_path / "a.mcap")]
+    run = subprocess.Popen(command, cwd=ROOT, env=kept, stderr=subprocess.PIPE, text=True)
+    assert any(line.strip() == kernels.ONCE for line in iter(run.stderr.readline, ""))  # after signs of life
+    while len(helpers := children(run.pid)) < 2:
+        assert run.poll() is None
+    run.send_signal(signum)
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == code
+    said = err.splitlines()[-1]
+    assert said == f"cmpc: interrupted by {signum.name} while kernels were compiled, before the run began"
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in helpers)
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def children(pid):
+    try:
+        with open(f"/proc/{pid}/task/{pid}/children") as file:
+            return file.read().split()
+    except FileNotFoundError:
+        pytest.skip("no list of child processes here")
+
+
+def test_what_is_compiled_is_told_by_name_and_a_wish_to_stop_is_heeded(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    told = []
+    kernels.prepare("zd-pd", "mujoco", stop=lambda: len(told) >= 2, show=lambda *what: told.append(what))
+    assert [done for done, _, _ in told[:2]] == [1, 2]
+    assert all(total >= done and "." in name for done, total, name in told)
+    assert any(tmp_path.iterdir())
+
+
+def test_every_law_and_plant_has_kernels_that_show_whether_it_is_ready():
+    from controller.common.settings import BUILT_IN
+
+    assert set(BUILT_IN) | {"mujoco", "rigid"} == set(kernels.TOPS)
+    assert set(kernels.KERNELS) == set(BUILT_IN)
+    assert kernels.law_of("./mine.py:make") == "zd-pd"
+    for places in kernels.TOPS.values():
+        assert all(callable(kernels.named(place)) for place in places)
