@@ -21,7 +21,7 @@ see: $(STAMP)  ## walk and fall: the same push with and without the MPC, both ru
 		&& $(BIN)/cmpc review $$folder/c-mpc.mcap $$folder/zd-pd.mcap --out $$folder/both.html --open
 
 test: $(STAMP)  ## run the tests, or some: ARGS="tests/test_qp.py"
-	@$(BIN)/python -m pytest -n 2 $(ARGS)
+	@$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
 
 fuzz: $(STAMP)  ## 2,000 seeded mutations of every kind of file through the commands that read them, some 40 minutes
 	@$(BIN)/python tests/fuzz.py $(ARGS)

@@ -27,7 +27,7 @@ from sim.interface import (
     Vector,
     observation_of,
 )
-from sim.plant.build import build_spec, compile_spec
+from sim.plant.build import compiled_model
 from sim.plant.kinematics import LegGeometry
 from sim.plant.rows import FORCE
 from sim.plant.terrain import Terrain
@@ -90,8 +90,8 @@ class Body(ABC):
         self.substeps = whole_substeps(settings.timestep, control_period)
         self.sources = (Path(model_path),)
         self.terrain = Terrain(settings.ground, seed=seed, length=walk_length)
-        self._spec = build_spec(settings, Path(model_path), self.terrain)
-        self.model = model = compile_spec(self._spec, Path(model_path))
+        self._spec, self.model = compiled_model(settings, Path(model_path), self.terrain, seed=seed, length=walk_length)
+        model = self.model
         self.data = mujoco.MjData(model)
         self.legs = LegGeometry.of(model)
         self._body_ids = [model.body(name).id for name in LINKS]

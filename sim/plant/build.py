@@ -1,8 +1,10 @@
 """From the plant's settings to MuJoCo's model: reads the MJCF and applies every modelling error to it."""
 
+import copy
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -128,6 +130,42 @@ def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
             legal = "found force pos normal tangent" if size > 1 else "found"
             raise UserError(f'model file {model_path}: no contact sensor "{name}" of these data; must have {legal}')
     return model
+
+
+def compiled_model(
+    settings: PlantSettings, model_path: Path, terrain: Terrain, *, seed: int, length: float
+) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """Spec and model of `build_spec` and `compile_spec`; the model is a copy of its own, the spec is shared.
+
+    Many runs in a row are of one plant, from one start or another.
+
+    Args:
+        settings: Integration, saturation, ground, modelling errors.
+        model_path: MJCF file of the walker.
+        terrain: Shape of the ground, of these settings.
+        seed: That the terrain was laid out with.
+        length: The same, in [m].
+
+    Raises:
+        UserError: the file or a setting is not legal.
+    """
+    try:
+        about = model_path.stat()
+    except OSError:
+        spec = build_spec(settings, model_path, terrain)  # which says what is wrong
+        return spec, compile_spec(spec, model_path)
+    key = (settings, model_path.absolute(), about.st_mtime_ns, about.st_size, seed, length)
+    if key not in _RECENT:
+        spec = build_spec(settings, model_path, terrain)
+        _RECENT[key] = spec, compile_spec(spec, model_path)
+        while len(_RECENT) > MOST_RECENT:
+            del _RECENT[next(iter(_RECENT))]
+    spec, model = _RECENT[key]
+    return spec, copy.copy(model)
+
+
+MOST_RECENT = 4
+_RECENT: dict[Any, tuple[mujoco.MjSpec, mujoco.MjModel]] = {}
 
 
 def _in_one_line(error: Exception) -> str:

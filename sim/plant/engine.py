@@ -47,8 +47,21 @@ def _pointer(typingctx: Any, address: Any) -> Any:
     return types.CPointer(types.float64)(types.intp), generate
 
 
+@intrinsic
+def _whole_pointer(typingctx: Any, address: Any) -> Any:
+    """The address of whole numbers of 32 bits as a pointer."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], ir.IntType(32).as_pointer())
+
+    return types.CPointer(types.int32)(types.intp), generate
+
+
 pointer: Any = _pointer
 """The address of doubles as a pointer, for `numba.carray`."""
+
+whole_pointer: Any = _whole_pointer
+"""The address of whole numbers of 32 bits as a pointer, for `numba.carray`."""
 
 
 def address(array: Any) -> int:

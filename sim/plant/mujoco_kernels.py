@@ -11,10 +11,11 @@ import numpy as np
 from numba import carray
 
 from controller.common.compiled import Array, compiled, nested
-from sim.plant.engine import mj_step, pointer
+from sim.plant.engine import mj_step, pointer, whole_pointer
 from sim.plant.rows import COS, INTERCEPT, SIN, facet_under
 
 TORSO = 4
+WARNING_STRIDE = 2  # whole numbers from one kind of MuJoCo's warnings to the next: its last detail, its number
 FINE, DIVERGED, NO_TORQUE = range(3)
 """How a hold ended."""
 
@@ -28,10 +29,12 @@ WORK = np.dtype(
         ("sensors", np.int64),
         ("actuator_force", np.int64),
         ("xfrc", np.int64),
+        ("warnings", np.int64),
         ("nq", np.int64),  # sizes
         ("nu", np.int64),
         ("nsensordata", np.int64),
         ("nbody", np.int64),
+        ("nwarning", np.int64),
         ("hip", np.int64, 2),  # positions in MuJoCo's vectors
         ("q", np.int64, 5),
         ("u", np.int64, 4),
@@ -112,7 +115,11 @@ def move(work: Any, step: Any, i: int, forces: Any, acting: Any) -> int:
     rates = 0.0
     for j in range(w.nq):
         rates += qvel[j]
-    return FINE if math.isfinite(total + rates) else DIVERGED
+    warned = 0
+    warnings = carray(whole_pointer(w.warnings), (w.nwarning, WARNING_STRIDE))
+    for kind in range(w.nwarning):
+        warned += warnings[kind, 0]
+    return FINE if warned == 0 and math.isfinite(total + rates) else DIVERGED
 
 
 @nested

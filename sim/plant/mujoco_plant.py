@@ -45,13 +45,14 @@ class MujocoPlant(Body):
         self._q_index = [joint(name) for name in COORDINATES]
         self._radius = float(model.geom("left_foot").size[0])  # [m]
         self._qpos, self._qvel = data.qpos, data.qvel  # live views, written only
-        self._warnings = data.warning.number
+        self._warnings = number = data.warning.number
+        assert number.itemsize == 4 and number.strides == (number.itemsize * kernels.WARNING_STRIDE,)
         self._state_size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self._work = work = np.zeros(1, kernels.WORK)
         work["model"], work["data"] = model._address, data._address
         work["qpos"], work["qvel"], work["ctrl"] = address(data.qpos), address(data.qvel), address(data.ctrl)
         work["sensors"], work["actuator_force"] = address(data.sensordata), address(data.actuator_force)
-        work["xfrc"] = address(data.xfrc_applied)
+        work["xfrc"], work["warnings"], work["nwarning"] = address(data.xfrc_applied), address(number), len(number)
         work["nq"], work["nu"], work["nbody"], work["nsensordata"] = model.nq, model.nu, model.nbody, model.nsensordata
         work["hip"], work["q"], work["u"] = self._hip_index, self._q_index, self._actuators
         work["feet"], work["bodies"] = [sensor(name) for name in FEET], self._body_ids
@@ -105,7 +106,7 @@ class MujocoPlant(Body):
         end = kernels.move(self._work, step, i, self._forces, acting)
         if end == kernels.NO_TORQUE:
             raise no_torque(step[i]["u_total"])
-        if end == kernels.DIVERGED or self._warnings.any():
+        if end == kernels.DIVERGED:
             raise PlantDiverged(self._diagnosis())
 
     def _begin(self) -> None:
