@@ -43,7 +43,7 @@ TOPS = {
 PARTS = {"c-mpc": ("controller.qp.riccati_solver:compile_kernels", "sim.bridge.kernels:look_ahead")}
 """What a law has that two processes compile at the same time, each for itself."""
 
-KERNELS = {"c-mpc": 140, "zd-pd": 50, "c-mpc-ltv": 80, "clf-qp": 50, "output-mpc": 50}
+KERNELS = {"c-mpc": 115, "zd-pd": 45, "c-mpc-ltv": 75, "clf-qp": 45, "output-mpc": 45}
 """About how many kernels a run under a law needs."""
 
 
@@ -139,7 +139,8 @@ def serve(place: str) -> None:
         def on_end(self, event: Any) -> None:
             """Another kernel."""
             function = event.data["dispatcher"].py_func
-            os.write(out, f"{function.__module__}.{function.__name__}\n".encode())
+            if function.__module__.startswith(("controller.", "sim.")):  # and none of Numba's own
+                os.write(out, f"{function.__module__}.{function.__name__}\n".encode())
 
     out = os.dup(1)
     os.dup2(2, 1)  # what else is printed
