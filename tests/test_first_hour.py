@@ -309,3 +309,12 @@ def test_the_controller_to_start_from_is_python():
     from sim.commands.new import CONTROLLER
 
     ast.parse(CONTROLLER)
+
+
+def test_doctor_names_the_extra_that_brings_what_is_missing(capsys, monkeypatch):
+    from sim.commands import doctor
+
+    finding = doctor.Finding(what="extra video", found="without imageio", well=None, hint="pip install 'x[video]'")
+    monkeypatch.setattr(doctor, "examine", lambda: iter([finding]))
+    assert cli.main(["doctor"]) == 0
+    assert "pip install 'x[video]'" in capsys.readouterr().out

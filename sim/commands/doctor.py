@@ -53,9 +53,12 @@ def _run(found: Namespace) -> int:
     if found.json:
         print(json.dumps([asdict(finding) for finding in findings]))
     else:
+        from rich.markup import escape
+
         table = console.table("", "found", " ", "what to do")
         for one in findings:
-            table.add_row(one.what, one.found, {True: "ok", False: "MISSING", None: "-"}[one.well], one.hint)
+            verdict = {True: "ok", False: "MISSING", None: "-"}[one.well]
+            table.add_row(*map(escape, (one.what, one.found, verdict, one.hint)))
         console.show(table)
     return 0 if all(finding.well is not False for finding in findings) else 1
 
