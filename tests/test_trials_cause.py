@@ -87,6 +87,11 @@ def test_the_figures_are_those_of_the_beginning() -> None:
     assert torque.joint == "right hip" and 0.5 < torque.torque_share < 1.0 and torque.flight_share == 0.0
     _, slip = verdict(SYMPTOMS[Cause.SLIP])
     assert slip.slip_m == pytest.approx(0.3 * 0.06, rel=0.2)  # of the 80 ms looked at, 60 after it began
+    _, flight = verdict(from_(BEGAN, {"contact": (False, False)}, {"u_total": np.full(4, 900.0)}))
+    assert flight.off_s == pytest.approx(BEGAN) and flight.asked_Nm == 900.0
+    assert "none touches from 0.800 s on, up to 900 N.m asked" in decisive(
+        Cause.FLIGHT.value, dataclasses.asdict(flight)
+    )
     _, stall = verdict(SYMPTOMS[Cause.STALL])
     assert stall.clock_min_rad_s == 0.0 and stall.clock_max_rad_s == 1.0
 

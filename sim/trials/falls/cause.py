@@ -58,6 +58,8 @@ class Evidence:
         measured_late_s: Time by which the observation lags behind the truth, in [s].
         applied_late_s: Time by which the torque lags behind the command, in [s].
         sensor_error_rad: Largest mean difference of a measured from a true angle, delays aside, in [rad].
+        off_s: When both feet left the ground, before the fall or in it, in [s].
+        asked_Nm: Largest torque asked of a joint since the fall began, whatever the joint can give, in [N.m].
     """
 
     began_s: float
@@ -80,6 +82,8 @@ class Evidence:
     measured_late_s: float = 0.0
     applied_late_s: float = 0.0
     sensor_error_rad: float = 0.0
+    off_s: float = 0.0
+    asked_Nm: float = 0.0
 
     def to_json(self) -> str:
         """As one line of JSON, figures to four digits; what is not finite becomes null."""
@@ -100,7 +104,7 @@ PROOFS = {
     Cause.SENSOR: "by {sensor_error_rad:.3f} rad on the mean",
     Cause.TRIP: "it touches for {scuff_s:.3f} s",
     Cause.SLIP: "by {slip_m:.3f} m",
-    Cause.FLIGHT: "{flight_share:.0%} of the time, clock up to {clock_max_rad_s:.2f} rad/s",
+    Cause.FLIGHT: "none touches from {off_s:.3f} s on, up to {asked_Nm:.0f} N.m asked",
     Cause.STALL: "down to {clock_min_rad_s:.2f} rad/s",
     Cause.LATE: "{late_s:.3f} s overdue, s = {s_max:.2f}",
     Cause.OVERRUN: "s = {s_max:.2f}",
@@ -120,7 +124,8 @@ def decisive(cause: str, evidence: Mapping[str, Any]) -> str:
         cause: Value of a `Cause`.
         evidence: Fields of an `Evidence` by name.
     """
-    known = {name: math.nan if value is None else value for name, value in evidence.items()}
+    blank = dict.fromkeys(Evidence.__dataclass_fields__, math.nan)  # results of before lack what was added since
+    known = blank | {name: math.nan if value is None else value for name, value in evidence.items()}
     return PROOFS[Cause(cause)].format(**known)
 
 

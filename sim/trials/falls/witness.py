@@ -224,7 +224,8 @@ class _Ticks:
         self.t, stance, landed, due, self.s, self.clock, fallback, left, right, foot = rows[:, :10].T
         torque, y = rows[:, 10:14].T, rows[:, 14:18]
         self.torque = torque.T
-        self.asked = np.clip(rows[:, 18:22], -limits, limits)  # (n, 4), what the plant would let through
+        self.commanded = rows[:, 18:22]
+        self.asked = np.clip(self.commanded, -limits, limits)  # (n, 4), what the plant would let through
         self.rates, self.errors = rows[:, 22:27], rows[:, 27:32]  # (n, 5)
         self.landed_s = rows[:, 32]
         self.period = period
@@ -326,6 +327,8 @@ class _Ticks:
         part = slice(max(0, began - round(WINDOW / self.period)), began + round(WINDOW / self.period) + 1)
         at_limit = self.saturated[:, part]
         longest = int(at_limit.sum(axis=1).argmax())
+        standing = np.flatnonzero(self.touches[:, : began + 1].any(axis=0))
+        off = min(int(standing[-1]) + 1 if len(standing) else 0, len(self.t) - 1)
         return Evidence(
             began_s=float(self.t[began]),
             lasted_s=float(self.t[-1] - self.t[began]),
@@ -342,5 +345,7 @@ class _Ticks:
             fallback_share=float(self.fallback[part].mean()),
             sunk_m=sunk,
             landed_s=float(self.landed_s[part].min()),
+            off_s=float(self.t[off]),
+            asked_Nm=float(np.abs(self.commanded[began:]).max()),
             **(dataclasses.asdict(between) if between else {}),
         )
