@@ -20,6 +20,7 @@ from sim.settings.tree import Setting
 
 T = TypeVar("T")
 
+MOST_NAMED = 4  # settings whose paths end alike
 LIKE, LIKE_END = 0.55, 0.8
 """How like a mistyped word must be to a whole name, and to the end of a dotted path."""
 
@@ -78,7 +79,8 @@ def nearest(word: str, known: Iterable[str]) -> str:
     sure = near and difflib.SequenceMatcher(None, word, near[0]).ratio() >= LIKE_END
     begun = [name for name in names if "." in name and len(word) > 4 and f".{word.lstrip('-')}" in name]
     found = near[:1] if sure else [ends[end[0]]] if end else begun[:1] or near[:1]
-    return f"did you mean {found[0]}? " if found else ""
+    same = [name for name in names if "." in name and name.rpartition(".")[2] == word.lstrip("-")]
+    return f"did you mean {_listed(same[:MOST_NAMED] or found[:1])}? " if same or found else ""
 
 
 def _listed(words: Iterable[Any]) -> str:
