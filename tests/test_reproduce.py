@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import importlib.util
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -379,6 +380,21 @@ def test_the_search_for_a_force_brackets_it() -> None:
     assert fate[value + 4.0] is False
 
 
+def test_noise_is_searched_from_the_rung_that_tracking_is_measured_on() -> None:
+    scenario = Effort().scenario("rigid", "zd-pd", {"steps": 2})
+    paths = list(noise.KINDS["encoder"][0])
+    found = measure.noise(scenario, paths, [1e-4, 8e-4, 0.5], 8e-4, 2)
+    assert found["tried"].tolist() == [8e-4, 0.5] and found["survived"].tolist() == [2, 0]
+    assert found["value"] == 8e-4 and (found["rms"] > 1e-3).all()
+
+
+def test_a_walk_that_falls_has_no_eigenvalue() -> None:
+    scenario = Effort().scenario("rigid", "zd-pd", {"plant.mass_factor.torso": 2.0})
+    found = measure.stability(scenario, [2e-2], 1)
+    assert found["fell_in_step"] > 0 and "largest" not in found
+    assert table2._words(found) == f"falls in step {found['fell_in_step']}"
+
+
 # Keeping results
 
 
@@ -522,6 +538,19 @@ def test_another_controller_takes_the_place_of_c_mpc_alone() -> None:
     changed = Effort(changes={"controller.kind": "c-mpc-ltv"})
     assert 'kind = "c-mpc-ltv"' in changed.scenario("rigid", "c-mpc")
     assert 'kind = "zd-pd"' in changed.scenario("rigid", "zd-pd")
+
+
+def test_the_page_of_the_docs_is_filled_from_what_was_found(tmp_path) -> None:
+    spec = importlib.util.spec_from_file_location("results", Path(__file__).parents[1] / "docs" / "results.py")
+    results = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(results)
+    report.write("fig3", finding(), tmp_path, quick=False)
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- verdicts: made by docs/results.py -->\nstale\n<!-- verdicts: end -->\nb\n")
+    results.fill(page, "verdicts", list(results.verdicts(tmp_path)))
+    text = page.read_text()
+    assert "| fig3 | 1 < 2 | - | <&> | **n** |" in text and "stale" not in text
+    assert text.startswith("a\n") and text.endswith("b\n") and "1 of 1 on rigid plant, 0 of 1 on MuJoCo" in text
 
 
 def test_thinning_keeps_peaks_and_ends() -> None:

@@ -20,6 +20,7 @@ from sim.walkers import ModelFiles
 
 _SWAPPED = np.array([1, 0, 3, 2])
 TRIP_DEPTH = FallCriteria.of_leg(0.8, trips=True).scuff_depth  # [m] of RABBIT, whose leg is 0.8 m
+SEEN_DEPTH = 2e-4  # [m] below which a swing foot in the ground is no more than what contact itself gives way
 OUTCOMES = tuple(outcome.value for outcome in Outcome)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.reproduce import study
 from sim.reproduce.criteria import near, never_above, walks
-from sim.reproduce.measure import TRIP_DEPTH
+from sim.reproduce.measure import SEEN_DEPTH, TRIP_DEPTH
 from sim.reproduce.panels import JOINT_STYLES, Level, LinePanel, Series, Span, same_scale, thinned
 
 FORCE = 40.0  # [N]
@@ -73,7 +73,7 @@ def _resolution(effort: study.Effort) -> float:
 def _scuffing(found: study.Arrays) -> str:
     """From which of the forces tried on a survivor's swing foot was in the ground, and how deep it came."""
     forces, depths = found["tried"][found["survived"]], found["scuff"][found["survived"]]
-    inside = depths > 0.0
+    inside = depths > SEEN_DEPTH
     if not inside.any():
         return ""
     return f", the swing foot in the ground from {forces[inside].min():g} N on, up to {1e3 * depths.max():.1f} mm"

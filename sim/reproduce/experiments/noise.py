@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from sim.reproduce import study
+from sim.reproduce.measure import SEEN_DEPTH
 from sim.reproduce.panels import CONTROLLER_STYLES, LinePanel, Series
 from sim.trials.report.stats import wilson
 
@@ -61,7 +62,7 @@ def mean_and_half(values: np.ndarray) -> tuple[float, float]:
 def _scuffing(results: study.Results, plant: str, kind: str) -> str:
     """How deep the survivors' swing feet were in the ground."""
     depths = [1e3 * float(results[f"{plant}/{controller}/{kind}"]["scuff"]) for controller in ("c-mpc", "zd-pd")]
-    return f" (swing foot {depths[0]:.1f}/{depths[1]:.1f} mm in the ground)" if max(depths) > 0.0 else ""
+    return f" (swing foot {depths[0]:.1f}/{depths[1]:.1f} mm in the ground)" if max(depths) > 1e3 * SEEN_DEPTH else ""
 
 
 def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from sim.reproduce import study
+from sim.reproduce.measure import SEEN_DEPTH
 from sim.reproduce.panels import BLACK, BLUE, GREY, ORANGE, LinePanel, Series
 
 FORCES = (25.0, 30.0, 40.0)  # [N]
@@ -47,7 +48,7 @@ def tasks(effort: study.Effort) -> Mapping[str, study.Task]:
 def _words(found: study.Arrays) -> str:
     return ", ".join(
         f"{force:g} {'walks' if walked else f'falls in step {steps + 1}'}"
-        + (f" ({1e3 * depth:.1f} mm in the ground)" if depth > 0.0 else "")
+        + (f" ({1e3 * depth:.1f} mm in the ground)" if walked and depth > SEEN_DEPTH else "")
         for force, walked, steps, depth in zip(FORCES, found["walked"], found["steps"], found["scuff"], strict=True)
     )
 
@@ -109,5 +110,6 @@ def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
         notes=(
             "The paper says neither where on the torso the force attacks nor how long a step lasts that it shortens; "
             f"the force is horizontal in all readings. A run of {QUICK_STEPS if effort.quick else STEPS} steps.",
+            f"In the ground: how deep the swing foot of a walker came, where it is more than {1e3 * SEEN_DEPTH:g} mm.",
         ),
     )
