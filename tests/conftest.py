@@ -18,6 +18,16 @@ settings.register_profile("repeatable", derandomize=True, deadline=None, databas
 settings.load_profile("repeatable")
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile before the whole suite: its workers would each compile the same, one after the other."""
+    config = session.config
+    whole = config.args == [str(path) for path in config.getini("testpaths")] or config.args == ["tests"]
+    if whole and config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        from sim.bridge.kernels import prepare_all
+
+        prepare_all()
+
+
 @pytest.fixture(scope="session")
 def model() -> WalkerModel:
     return WalkerModel(RABBIT / "rabbit.urdf")

@@ -92,6 +92,15 @@ def prepare(kind: str, plant: str, *, stop: Callable[[], object] = lambda: None,
                 return
 
 
+def prepare_all() -> None:
+    """Compile what every law, both plants and the design of gaits need, on two processors: before all tests."""
+    here = "sim.bridge.kernels"
+    walks = (f"{here}:walk:{pair}" for pair in ("c-mpc:mujoco", "c-mpc:rigid", "zd-pd:rigid", "clf-qp:mujoco"))
+    for stage in (PARTS["c-mpc"], (f"{here}:walk:c-mpc-ltv:mujoco", ";".join((*walks, f"{here}:gaits")))):
+        for _ in compiled_by(stage, lambda: None):
+            pass
+
+
 def compiled_by(places: Sequence[str], stop: Callable[[], object]) -> Iterator[str]:
     """Names of kernels, as processes that call functions compile them."""
     code = "import sys; from sim.bridge.kernels import serve; serve(sys.argv[1])"
@@ -129,7 +138,11 @@ def _pipe(process: "subprocess.Popen[bytes]") -> IO[bytes]:
 
 
 def serve(place: str) -> None:
-    """Call a function in a process of its own, telling which kernels are compiled; ends with the process that asked."""
+    """Call functions in a process of its own, telling which kernels are compiled; ends with the process that asked.
+
+    Args:
+        place: "module:name:argument:..." of each, with a ";" between them.
+    """
     from numba.core import event
 
     class Tell(event.Listener):
@@ -147,8 +160,9 @@ def serve(place: str) -> None:
     threading.Thread(target=_end_with_the_other, daemon=True).start()
     gc.set_threshold(YOUNG)
     event.register("numba:compile", Tell())
-    module, name, *arguments = place.split(":")
-    named(f"{module}:{name}")(*arguments)
+    for call in place.split(";"):
+        module, name, *arguments = call.split(":")
+        named(f"{module}:{name}")(*arguments)
 
 
 def _end_with_the_other() -> None:
@@ -182,6 +196,21 @@ def walk(kind: str, plant: str) -> None:
     push = {"pushes.0.force": 60.0, "pushes.0.step": 1}
     rigid = {"plant.kind": "rigid", "plant.timestep": 1e-3} if plant == "rigid" else {}
     run_scenario(with_values(Scenario(), {"controller.kind": kind, "steps": 1} | push | rigid), prepared=True)
+
+
+def gaits() -> None:
+    """Find the orbit of a gait and its eigenvalues."""
+    from controller.belief import Gains
+    from controller.design.orbit import periodic_orbit
+    from controller.design.poincare import return_map
+    from sim.bridge.run import known_belief
+    from sim.scenario import Scenario
+
+    scenario = Scenario()
+    belief = known_belief(scenario.walker, "paper-polished")
+    periodic_orbit(belief.model, belief.gait)
+    gains = Gains(kp=np.array(scenario.controller.kp), kd=np.array(scenario.controller.kd))
+    return_map(belief.model, belief.gait, gains)
 
 
 def main() -> None:
