@@ -21,7 +21,7 @@ settings.load_profile("repeatable")
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile before the whole suite: its workers would each compile the same, one after the other."""
     config = session.config
-    whole = config.args == [str(path) for path in config.getini("testpaths")] or config.args == ["tests"]
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
     if whole and config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
         from sim.bridge.kernels import prepare_all
 
