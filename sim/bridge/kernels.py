@@ -33,6 +33,7 @@ TOPS = {
     "c-mpc": ("controller.cmpc.cascade:settle", "controller.cmpc.cascade:foresee"),
     "zd-pd": ("controller.cmpc.zero_dynamics:decide",),
     "c-mpc-ltv": ("controller.ltv.plan:improve",),
+    "c-mpc-plan": ("controller.plan.solve:improve", "controller.ltv.plan:improve"),
     "clf-qp": ("controller.rivals.output_dynamics:output_dynamics",),
     "output-mpc": ("controller.rivals.output_dynamics:output_dynamics",),
     "mujoco": ("sim.plant.mujoco_kernels:move",),
@@ -43,7 +44,7 @@ TOPS = {
 PARTS = {"c-mpc": ("controller.qp.riccati_solver:compile_kernels", "sim.bridge.kernels:look_ahead")}
 """What a law has that two processes compile at the same time, each for itself."""
 
-KERNELS = {"c-mpc": 115, "zd-pd": 45, "c-mpc-ltv": 75, "clf-qp": 45, "output-mpc": 45}
+KERNELS = {"c-mpc": 115, "zd-pd": 45, "c-mpc-ltv": 75, "c-mpc-plan": 115, "clf-qp": 45, "output-mpc": 45}
 """About how many kernels a run under a law needs."""
 
 
@@ -54,7 +55,7 @@ def kernels() -> tuple[Path, bool]:
 
 def ready(kind: str, plant: str) -> bool:
     """Whether the kernels of a law and a plant need no compiling."""
-    return all(on_disk(named(top)) for name in (law_of(kind), plant) for top in TOPS[name])
+    return all(on_disk(named(top)) for name in (law_of(kind), plant) for top in TOPS.get(name, ()))
 
 
 def law_of(kind: str) -> str:
@@ -87,7 +88,7 @@ def prepare(kind: str, plant: str, *, stop: Callable[[], object] = lambda: None,
     for stage in (together[:-1], together[-1:]) if (os.cpu_count() or 1) > 1 else ((walk,),):
         for name in compiled_by(stage, stop):
             done += 1
-            show(done, max(KERNELS[law], done), name)
+            show(done, max(KERNELS.get(law, 0), done), name)
             if stop():
                 return
 
@@ -95,8 +96,12 @@ def prepare(kind: str, plant: str, *, stop: Callable[[], object] = lambda: None,
 def prepare_all() -> None:
     """Compile what every law, both plants and the design of gaits need, on two processors: before all tests."""
     here = "sim.bridge.kernels"
-    walks = (f"{here}:walk:{pair}" for pair in ("c-mpc:mujoco", "c-mpc:rigid", "zd-pd:rigid", "clf-qp:mujoco"))
-    for stage in (PARTS["c-mpc"], (f"{here}:walk:c-mpc-ltv:mujoco", ";".join((*walks, f"{here}:gaits")))):
+    walks = (f"{here}:walk:{pair}" for pair in ("c-mpc:mujoco", "c-mpc:rigid", "zd-pd:rigid"))
+    for stage in (
+        PARTS["c-mpc"],
+        (f"{here}:walk:c-mpc-ltv:mujoco", ";".join(walks)),
+        (f"{here}:walk:c-mpc-plan:mujoco", f"{here}:walk:clf-qp:mujoco;{here}:gaits"),
+    ):
         for _ in compiled_by(stage, lambda: None):
             pass
 
