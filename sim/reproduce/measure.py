@@ -57,11 +57,10 @@ class Record(NoTape):
 
         "t" (n,), "q" (n, 5) body order, "y", "dy", "u_zd", "u_mpc", "u", "torque" (n, 4) stance order, "hip"
         (n, 2), "foot" (n, 4), "force" (n, 2) tangential and normal force on the stance foot over each hold,
-        "stance" (n,) 0 left, "force_now" (n, 2) what the
-        controller's model says of that force at the tick itself, where its constraint acts, "slack" (n,) [N] by which
-        friction rows were softened anywhere in the horizon,
-        "clearance" (n,) of the swing foot over the ground, "impact_in" (n,) ticks to the impact the controller
-        expects, -1 for none, "landed" ticks of the touch-downs.
+        "stance" (n,) 0 left, "force_now" (n, 2) what the controller's model
+        says of that force at the tick itself, where its constraint acts, "slack" (n,) [N] by which friction rows were
+        softened anywhere in the horizon, "clearance" (n,) of the swing foot over the ground, "impact_in" (n,) ticks to
+        the impact the controller expects, -1 for none, "landed" ticks of the touch-downs.
         """
         columns = [np.concatenate(parts) for parts in zip(*self._parts, strict=True)]
         q, y, dy, u_zd, u_mpc, u, hip, foot, forces, clearances, slack, impact_in, stance, force_now = columns
@@ -98,8 +97,8 @@ def _rig(scenario: str) -> Rig:
 def walk(scenario: str) -> dict[str, NDArray[Any]]:
     """One run: its time histories (`Record.arrays`), and what it was judged and drawn by.
 
-    "outcome" as an index of `OUTCOMES`, "steps" completed, "torque_limit" (4,) of the walker in [N.m], the lower one of
-    both legs, infinite where there is none, "femur" (2,) their lengths in [m].
+    "outcome" as an index of `OUTCOMES`, "steps" completed, "torque_limit" (4,) in [N.m], the lower one of both legs,
+    infinite where there is none, "femur" (2,) their lengths in [m].
     """
     rig = _rig(scenario)
     record = Record(rig.plant.torque_limits)

@@ -14,18 +14,17 @@ looked at. Where it is too small to matter by itself (`WEAK`, `BEHIND`, `OFF`) t
 
 import dataclasses
 import math
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interface import JOINTS, Rows, Vector
+from sim.interface import JOINTS, Vector
 from sim.loop import NoTape, Ticks
 from sim.plant import Energy
 from sim.trials.falls.cause import Cause, Evidence, sentence
+from sim.trials.falls.fading import Steps
 
 KEPT = 4.0  # [s] of a run that are looked at, from its end back; longer than the time after which a run is stalled
 WINDOW = 0.04  # [s]
@@ -46,7 +45,6 @@ SUNK = 1e-3  # [m] of a foot below the ground at the start; the gait's own start
 AT_ONCE = 0.1  # [s] within which a foot that began in the ground explains a fall
 EARLY = 0.85  # of the normalised clock, below which a landing is too early
 STUCK = 1.5  # [s] without a step
-FADES = 3  # steps in a row that lose energy
 SOON = 1.0  # [s] after the start within which a fall can be that of a foot that began in the ground
 
 WEAK = 0.6  # part of the torque asked for that a joint gets, below which its motor counts as failing
@@ -85,9 +83,7 @@ class Witness(NoTape):
         self._t = 0.0  # [s]
         self._s = self._landed_s = 1.0
         self._sunk = 0.0  # [m]
-        self._last: Rows | None = None  # the last state, a row of `STATE`
-        self._slowest: Rows | None = None  # of the step so far
-        self._steps: deque[_Step] = deque(maxlen=FADES + 1)
+        self._steps = Steps()
 
     def ticks(self, ticks: Ticks) -> None:
         """Remember some."""
@@ -108,35 +104,18 @@ class Witness(NoTape):
         )  # fmt: skip
         self._ticks += n
         self._t, self._s = float(t[-1]), float(step["s"][-1])
-        self._last = state[-1:].copy()
-        slowest = int(state["dhip"][:, 0].argmin())
-        if self._slowest is None or state["dhip"][slowest, 0] < self._slowest["dhip"][0, 0]:
-            self._slowest = state[slowest : slowest + 1].copy()
+        self._steps.take(state)
 
     def event(self, k: int, level: str, name: str, message: str) -> None:
         """Follow the stance foot from landing to landing."""
         if name == "impact":
-            if self._last is not None and self._slowest is not None:
-                height = float(self._last["foot"][0, self._stance, 1])
-                self._steps.append(_Step(slowest=self._slowest, last=self._last, height=height))
-                self._slowest = None
+            self._steps.land(self._stance)
             self._stance = 1 - self._stance
             self._landed, self._due, self._landed_s = self._t + self._period, math.inf, self._s
 
     def fading(self, energy: Energy) -> bool:
-        """Whether the walk loses energy step by step, so that it would stop if it went on.
-
-        The energy before each landing, heights counted from the stance foot, is lower than before the landing before;
-        and what is left of the motion where a step is slowest, followed on as a geometric series, runs out.
-
-        Args:
-            energy: By the plant's model.
-        """
-        if len(self._steps) <= FADES:
-            return False
-        before = [energy.about(*_state(step.last), step.height) for step in self._steps]
-        left = [energy.kinetic(*_state(step.slowest)) for step in list(self._steps)[-3:]]
-        return all(b < a for a, b in pairwise(before)) and _limit(*left) <= 0.0
+        """Whether the walk loses energy step by step and would stop (`Steps.fading`)."""
+        return self._steps.fading(energy)
 
     def verdict(self, limits: Vector) -> tuple[Cause, Evidence]:
         """What broke, in a run that fell.
@@ -155,27 +134,6 @@ class Witness(NoTape):
             limits: Largest torque in [N.m] by joint.
         """
         return sentence(*self.verdict(np.array([limits.get(joint, math.inf) for joint in JOINTS])))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Step:
-    """A step: where it was slowest and just before it landed, rows of `STATE`, and its stance foot's height in [m]."""
-
-    slowest: Rows
-    last: Rows
-    height: float
-
-
-def _state(row: Rows) -> tuple[Vector, Vector, Vector, Vector]:
-    return row["q"][0], row["dq"][0], row["hip"][0], row["dhip"][0]
-
-
-def _limit(a: float, b: float, c: float) -> float:
-    """Where a series goes of which these are three consecutive values, if it is a geometric one (Aitken)."""
-    if a == b:
-        return c
-    ratio = (c - b) / (b - a)
-    return math.copysign(math.inf, c - b) if ratio >= 1.0 else c + (c - b) * ratio / (1.0 - ratio)
 
 
 def verdict(rows: Vector, sunk: float, period: float, limits: Vector) -> tuple[Cause, Evidence]:
