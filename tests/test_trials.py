@@ -586,7 +586,7 @@ BAD = {
     'also = ["plant.ground.slope = 0.1"]': ["also sets plant.ground.slope", "axis 'plant.ground.slope' sets"],
     f'[[montecarlo]]\n{ONE}also = ["seed = 3"]': ["also sets seed, which is set by each trial"],
     f"[[grid]]\n[[grid.axes]]\n{AXIS}low = 0\nhigh = 0.1\ncount = 3000000": ["3000000 trials", "2000000 or fewer"],
-    f"{MARGIN}low = 0\nhigh = 1e308\ntolerance = 1e-300": ["high = 1e+308", "is more than 1000000 parts"],
+    f"{MARGIN}low = 0\nhigh = 1e9\ntolerance = 1e-300": ["high = 1e+09", "is more than 1000000 parts"],
     f"{MARGIN}low = -0.1\nhigh = 0.1\ntolerance = 0.1\ntypical = -1": ["typical = -1: must be above 0, or 0 for none"],
     '[[margin]]\n[[margin.axes]]\npaths = ["plant.ground.friction"]\nnominal = 0.6\nlow = 0.1\nhigh = 1\n'
     'tolerance = 0.1\nscale = "log"\ntypical = 1': ["typical = 1", "a ratio above 1"],

@@ -9,8 +9,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-FIRST = 2.0  # [s] of silence before the first sign
-EVERY = 10.0  # [s] between lines where stderr is no terminal
+FIRST = 2.0  # [s] of silence before the first sign on a terminal
+EVERY = 10.0  # [s] before the first line, and between lines, where stderr is no terminal
 BLINK = 1.0  # [s] between two states of the line on a terminal
 
 
@@ -72,7 +72,7 @@ class Pulse:
                 print("\r\x1b[2K", end="", file=sys.stderr, flush=True)
 
     def _beat(self, over: threading.Event) -> None:
-        wait = FIRST
+        wait = FIRST if sys.stderr.isatty() else EVERY
         while not over.wait(min(wait, BLINK)):
             terminal = sys.stderr.isatty()
             with self._lock:

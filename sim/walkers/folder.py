@@ -79,5 +79,6 @@ class WalkerFolder:
 
 def _choice(word: str, names: Sequence[str]) -> str:
     near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
-    shown = ", ".join(names[-MOST_NAMED:]) + f" and {len(names) - MOST_NAMED} more" * (len(names) > MOST_NAMED)
+    more = f" and {len(names) - MOST_NAMED} more" * (len(names) > MOST_NAMED)
+    shown = ", ".join(map(repr, names[-MOST_NAMED:])) + more
     return f"{f'did you mean {near[0]}? ' if near else ''}must be one of {shown or 'none'}"
