@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof interrupts clean help
+.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof interrupts reliability-proof clean help
 
 BIN := .venv/bin
 STAMP := .venv/installed
@@ -67,6 +67,9 @@ review-proof: $(STAMP)  ## 24 made-up falls and those of the campaigns, on the f
 
 interrupts: $(STAMP)  ## Ctrl-C at 40 random moments of 10 commands, some five minutes
 	@$(BIN)/python tests/interrupts.py $(ARGS)
+
+reliability-proof: $(STAMP)  ## searches for the nearest fall and its probability on limit states with known answers
+	@$(BIN)/python -m tests.reliability_proof $(ARGS)
 
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

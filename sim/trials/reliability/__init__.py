@@ -1,0 +1,1 @@
+"""The nearest fall, the probability of a fall, and what it is made of: yes/no answers in standard normal space."""

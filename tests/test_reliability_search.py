@@ -1,0 +1,99 @@
+"""Searches by yes and no on limit states with known answers; `make reliability-proof` is the long version."""
+
+import numpy as np
+import pytest
+
+from sim.trials.reliability import limit_states
+from sim.trials.reliability.asking import DECIMALS, answer, ask, together
+from sim.trials.reliability.certificate import Certificate, Verdict
+from sim.trials.reliability.draws import draw, normal_draws
+from sim.trials.reliability.nearest import nearest
+from sim.trials.reliability.probability import estimate, importance, interval, plain
+from tests.reliability_proof import searched
+
+STATES = {state.name: state for state in limit_states.all_limit_states()}
+
+
+@pytest.mark.parametrize("name", ["linear, 2", "linear, 20", "parabolic, 5", "island, 2", "two-sided, 5"])
+def test_the_nearest_fall_is_within_two_percent_and_the_probability_near(name):
+    state = STATES[name]
+    for seed in (0, 1):
+        beta, calls, p, _, more = searched(state, seed)
+        assert abs(beta / state.beta - 1.0) < 0.02
+        assert abs(p / state.probability - 1.0) < 1.0  # five times the coefficient of variation asked for
+        assert calls + more < 0.1 / (state.probability * 0.2**2) or state.probability > 5e-3
+
+
+def test_intervals_of_importance_sampling_cover_the_truth():
+    state = STATES["four branches, 2"]
+    assert sum(searched(state, seed)[3] for seed in range(20)) >= 17
+
+
+def test_every_mode_is_found_and_each_is_a_walk_just_inside_a_fall():
+    state = STATES["four branches, 2"]
+    draws, _ = answer(draw(2, np.random.SeedSequence(3), 200, 40, (0.5, 0.7, 1.4, 2.0)), state.falls)
+    found, _ = answer(nearest(draws.u, draws.fell, np.random.default_rng(3)), state.falls)
+    assert len(found.modes) == 4 and found.looked == 60 and found.fell == 0
+    for mode in found.modes:
+        assert state.falls(mode.outside[None])[0] and not state.falls(mode.inside[None])[0]
+        assert np.linalg.norm(mode.inside) == pytest.approx(mode.beta, rel=0.006)
+
+
+def test_a_walk_that_falls_undisturbed_and_one_that_never_falls_are_said_as_such():
+    always, never = (lambda u: np.ones(len(u), dtype=bool)), (lambda u: np.zeros(len(u), dtype=bool))
+    for falls, modes in ((always, 1), (never, 0)):
+        draws, _ = answer(draw(3, np.random.SeedSequence(0), 50, 10, (2.0,)), falls)
+        found, _ = answer(nearest(draws.u, draws.fell, np.random.default_rng(0)), falls)
+        assert len(found.modes) == modes and not any(mode.beta for mode in found.modes)
+    assert estimate(plain(draws)).value == 0.0 and 0.0 < estimate(plain(draws)).high < 0.1
+
+
+def test_a_search_is_the_same_whatever_the_batches_are_run_with():
+    state = STATES["island, 2"]
+    first, second = (searched(state, 5) for _ in range(2))
+    assert first == second
+    few, more = normal_draws(4, np.random.SeedSequence(1), 0, 5), normal_draws(4, np.random.SeedSequence(1), 0, 9)
+    assert (few == more[:5]).all()
+    assert (ask([[0.123456789]]).u == np.round(0.123456789, DECIMALS)).all()
+
+
+def test_searches_in_step_get_their_own_answers():
+    def one(value: float):
+        fell = yield ask([[value], [-value]])
+        again = yield ask([[2 * value]])
+        return [*fell.tolist(), *again.tolist()]
+
+    found, asked = answer(together([one(1.0), one(-3.0)]), lambda u: u[:, 0] > 0)
+    assert found == [[1.0, 0.0, 1.0], [0.0, 1.0, 0.0]] and asked == 6
+
+
+def test_weights_are_unbiased_whatever_the_modes_are():
+    state = STATES["two-sided, 5"]
+    draws, _ = answer(draw(5, np.random.SeedSequence(1), 200, 40, (2.0,)), state.falls)
+    found, _ = answer(nearest(draws.u, draws.fell, np.random.default_rng(1)), state.falls)
+    rng = np.random.default_rng(8)
+    for modes in ((), found.modes[:1], found.modes):
+        sample, _ = answer(importance(5, modes, rng, variation=0.004, most=20_000), state.falls)
+        assert np.mean(sample.weight) == pytest.approx(1.0, abs=0.1)
+        assert np.mean(sample.weight * sample.fell) == pytest.approx(state.probability, rel=0.3)
+
+
+def test_an_interval_of_nothing_is_wide():
+    assert interval(np.zeros(0)) == (0.0, 1.0) and interval(np.zeros(300)) == (0.0, 0.01)
+
+
+def test_a_certificate_is_right_as_often_as_it_says():
+    test = Certificate(probability=0.02, confidence=0.9)
+    for truth, wrong in ((0.02, (Verdict.CERTIFIED,)), (0.04, (Verdict.CERTIFIED,)), (0.01, (Verdict.REFUSED,))):
+        errors = 0
+        for seed in range(100):
+            falls = np.cumsum(np.random.default_rng(seed).random(2000) < truth)
+            ends = (test.verdict(int(falls[k]), k + 1 - int(falls[k])) for k in range(19, 2000, 20))
+            errors += next((end for end in ends if end is not Verdict.OPEN), Verdict.OPEN) in wrong
+        assert errors <= 17  # 10 expected at most; more than 17 have a chance below 0.01
+
+
+def test_a_certificate_takes_little_more_than_the_fewest_walks_there_are():
+    test = Certificate(probability=1e-3, confidence=0.95)
+    assert 2995 <= test.least <= 3400  # 2995: ln(0.05) / ln(1 - 1e-3), for one look alone
+    assert test.verdict(0, test.least - 1) is Verdict.OPEN and test.verdict(30, 500) is Verdict.REFUSED
