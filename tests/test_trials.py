@@ -91,7 +91,17 @@ def write(folder: Path, text: str = PLAN) -> str:
 
 
 def test_plans_read_back_equal_and_shipped_ones_are_there(plan: Plan) -> None:
-    assert shipped_names() == ["atlas", "bodies", "headlines", "montecarlo", "payload", "pushes", "tuning", "weights"]
+    assert shipped_names() == [
+        "atlas",
+        "bodies",
+        "headlines",
+        "montecarlo",
+        "payload",
+        "pushes",
+        "reliability",
+        "tuning",
+        "weights",
+    ]
     for one in (plan, *map(load_plan, shipped_names())):
         assert from_toml(to_toml(one)) == one and from_toml(to_toml(one)).hash() == one.hash()
 

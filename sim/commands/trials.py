@@ -35,6 +35,7 @@ also:
   cmpc trials report DIR                write the pages, the table and the plots again
   cmpc trials retry DIR [--errors]      try again what was given up, and what ended in an error
   cmpc trials numerics PLAN --out DIR   the same under other numerics: what depends on the simulator
+  cmpc trials certify PLAN --out DIR    walk until it can be said, or refused, that falls are rarer than asked
   cmpc trials bench                     trials a second on this machine, against the targets
   cmpc run --from-trial DIR#ID          run one trial again, with its full log
 
@@ -53,6 +54,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
         "show": _add_show,
         "report": _add_report,
         "bench": _add_bench,
+        "certify": _add_certify,
         "retry": _add_retry,
     }
     if argv and argv[0] in others:
@@ -198,6 +200,44 @@ def _finish(results: "Results", out: Path) -> None:
     if fallen is not None:
         trial = f"{out}#{fallen.controller}/{fallen.trial}"
         next_step(f"cmpc run --from-trial {trial}", "one that fell, with its log")
+
+
+def _add_certify(parser: flags.Parser) -> None:
+    parser.set_defaults(run=_certify)
+    parser.add_argument("plan", metavar="PLAN|FILE.toml", help="a plan with a study over random axes")
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder of the results, made if missing")
+    text = "of a fall, asked about (default: 0.001)"
+    parser.add_argument("--probability", type=float, metavar="P", default=1e-3, help=text)
+    text = "at which either answer is given (default: 0.95)"
+    parser.add_argument("--confidence", type=float, metavar="C", default=0.95, help=text)
+    text = "walks of each controller after which nothing is said (default: 20000)"
+    parser.add_argument("--most", type=flags.whole(1), metavar="INT", default=20_000, help=text)
+    parser.add_argument("--controllers", metavar="LIST", help="not the plan's: kinds with commas between, or all")
+    parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
+    _add_running(parser)
+
+
+def _certify(found: Namespace) -> int:
+    from sim.trials.plan import CertificateStudy, load_plan
+
+    plan = load_plan(found.plan)
+    if found.controllers is not None:
+        plan = replace(plan, controllers=_kinds(found.controllers))
+    random = (*plan.reliability, *plan.montecarlo, *plan.certificate)
+    if not random:
+        raise UserError(
+            f"{found.plan}: has no [[reliability]] or [[montecarlo]] study; must have random axes to certify"
+        )
+    study = CertificateStudy(
+        name=f"{random[0].name} certificate",
+        probability=found.probability,
+        confidence=found.confidence,
+        most=found.most,
+        axes=random[0].axes,
+        correlations=getattr(random[0], "correlations", ()),
+    )
+    plan = replace(plan, grid=(), margin=(), montecarlo=(), reliability=(), certificate=(study,))
+    return _campaign(plan, Path(found.out), found, restart=found.restart)
 
 
 def _add_numerics(parser: flags.Parser) -> None:

@@ -22,20 +22,24 @@ from sim.trials.plan.axis import Axis, Value, changes, check_axes, label, scenar
 from sim.trials.plan.grid import GridStudy
 from sim.trials.plan.margin import MarginStudy
 from sim.trials.plan.montecarlo import MonteCarloStudy
+from sim.trials.plan.reliability import CertificateStudy, ReliabilityStudy, extremes
 
 SHIPPED = Path(__file__).parent / "shipped"
 
 MOST_TRIALS = 2_000_000  # of a study, for each controller; each could be asked for
 
-Study = GridStudy | MarginStudy | MonteCarloStudy
+Study = GridStudy | MarginStudy | MonteCarloStudy | ReliabilityStudy | CertificateStudy
+
+REACH = 4.0
+"""Deviations at which the values of a study that searches must still be legal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """A campaign of trials.
 
-    Trials are numbered through all studies, in the order grid, margin, montecarlo; a trial is a controller and
-    an index, and the index alone seeds it.
+    Trials are numbered through all studies, in the order grid, margin, montecarlo, reliability, certificate; a trial is
+    a controller and an index, and the index alone seeds it, but in the last two, whose searches say what they try.
 
     Attributes:
         name: Short name.
@@ -52,6 +56,8 @@ class Plan:
         grid: Grid studies.
         margin: Margin studies.
         montecarlo: Monte-Carlo studies.
+        reliability: Studies of the nearest fall and its probability.
+        certificate: Certificates of a probability.
     """
 
     name: str = "trials"
@@ -66,6 +72,8 @@ class Plan:
     grid: tuple[GridStudy, ...] = ()
     margin: tuple[MarginStudy, ...] = ()
     montecarlo: tuple[MonteCarloStudy, ...] = ()
+    reliability: tuple[ReliabilityStudy, ...] = ()
+    certificate: tuple[CertificateStudy, ...] = ()
 
     @classmethod
     def read_as(cls, table: Mapping[str, Any]) -> tuple[type["Plan"], Mapping[str, Any]]:
@@ -88,7 +96,10 @@ class Plan:
         if not self.controllers or len(set(self.controllers)) != len(self.controllers):
             raise UserError(f"controllers = {list(self.controllers)}: must be one or more, each once")
         if not self.studies:
-            raise UserError("the plan has no study; must have at least one [[grid]], [[margin]] or [[montecarlo]]")
+            raise UserError(
+                "the plan has no study; must have at least one [[grid]], [[margin]], [[montecarlo]], "
+                "[[reliability]] or [[certificate]]"
+            )
         names = [study.name for study in self.studies]
         for name in names:
             if names.count(name) > 1:
@@ -120,7 +131,7 @@ class Plan:
     @property
     def studies(self) -> tuple[Study, ...]:
         """All studies, in the order of their trials."""
-        return (*self.grid, *self.margin, *self.montecarlo)
+        return (*self.grid, *self.margin, *self.montecarlo, *self.reliability, *self.certificate)
 
     def offsets(self) -> Iterator[tuple[int, Study]]:
         """Each study with the index of its first trial."""
@@ -155,6 +166,8 @@ def _ends(study: Study) -> list[tuple[Axis, list[Value]]]:
         ]
     if isinstance(study, MarginStudy):
         return [(axis, [axis.value(position) for position in axis.ends]) for axis in study.axes]
+    if isinstance(study, ReliabilityStudy | CertificateStudy):
+        return list(extremes(study.axes, REACH))
     found: list[tuple[Axis, list[Value]]] = []
     for axis in study.axes:
         values = [axis.centre, axis.low, axis.high, *axis.values, *axis.words]

@@ -15,13 +15,14 @@ from controller.common.outside import file_label
 from sim import pages
 from sim.errors import UserError
 from sim.pages.palette import CAUSES, colour
-from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
-from sim.trials.plan.plan import to_toml
+from sim.trials.plan import CertificateStudy, GridStudy, MarginStudy, ReliabilityStudy
+from sim.trials.plan.plan import Study, to_toml
 from sim.trials.report.breaks import RULE, SHARE, SYMPTOMS, breaks
 from sim.trials.report.findings import side_figures, sides
 from sim.trials.report.grid_section import grid_section
 from sim.trials.report.margin_section import margin_section
 from sim.trials.report.random_section import random_section
+from sim.trials.report.reliability_section import certificate_section, reliability_section
 from sim.trials.report.summary import counted
 from sim.trials.run import Results, TrialResult
 from sim.trials.run.campaign import pending
@@ -117,9 +118,13 @@ def _report(results: Results, folder: Path) -> str:
     )
 
 
-def _section(results: Results, study: MarginStudy | GridStudy | MonteCarloStudy) -> dict[str, Any]:
+def _section(results: Results, study: Study) -> dict[str, Any]:
     if isinstance(study, MarginStudy):
         return margin_section(results, study)
+    if isinstance(study, ReliabilityStudy):
+        return reliability_section(results, study)
+    if isinstance(study, CertificateStudy):
+        return certificate_section(results, study)
     return grid_section(results, study) if isinstance(study, GridStudy) else random_section(results, study)
 
 

@@ -4,9 +4,11 @@ import dataclasses
 import json
 
 from sim.log.tools.text import printable
-from sim.trials.plan import GridStudy, MarginStudy
+from sim.trials.plan import CertificateStudy, GridStudy, MarginStudy, ReliabilityStudy
 from sim.trials.plan.axis import label
 from sim.trials.report.findings import Rate, Side, edge_words, grid_rows, random_findings, sides, weakest
+from sim.trials.report.reliability_findings import certificates, reliability_findings
+from sim.trials.report.reliability_section import certificate_words, lead
 from sim.trials.run import Results, TrialResult
 from sim.trials.run.store import Counts
 
@@ -54,6 +56,12 @@ def summarise(results: Results) -> str:
     for study in results.plan.studies:
         if isinstance(study, MarginStudy):
             lines += _margins(results, study)
+        elif isinstance(study, ReliabilityStudy):
+            found_near = reliability_findings(results, study)
+            lines += [f"{study.name}: {one.controller}: {lead(one, found_near.space.names)}" for one in found_near.each]
+        elif isinstance(study, CertificateStudy):
+            said = certificates(results, study)
+            lines += [f"{study.name}: {name}: {certificate_words(study, one)}" for name, one in said.items()]
         elif isinstance(study, GridStudy):
             for controller, rows in grid_rows(results, study).items():
                 survived, known = sum(row.survived for row in rows.values()), sum(row.known for row in rows.values())

@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import UserError
-from sim.trials.plan import MarginStudy, Plan
+from sim.trials.plan import CertificateStudy, MarginStudy, Plan, ReliabilityStudy
 from sim.trials.plan.margin import next_positions
 from sim.trials.plan.plan import differences
 from sim.trials.run import workers as pools
 from sim.trials.run.folder import FILE, LOGS, locked, set_aside
 from sim.trials.run.origin import origin, origin_differences
+from sim.trials.run.replay import Replays
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import Counts, Store
 
@@ -101,11 +102,21 @@ class Results:
         return pandas.DataFrame(rows)
 
 
-def pending(plan: Plan, store: Store) -> list[tuple[str, int]]:
-    """(controller, trial) of what can be run now; empty when the plan is complete."""
+def pending(plan: Plan, store: Store, replays: Replays | None = None) -> list[pools.Id]:
+    """What can be run now; empty when the plan is complete.
+
+    Args:
+        plan: The plan.
+        store: Its results.
+        replays: Of this plan and store, kept from the last time to save going through all answers again.
+    """
     done = store.done()
-    found = []
+    found: list[pools.Id] = []
+    replays = replays or Replays(plan, store)
     for start, study in plan.offsets():
+        if isinstance(study, ReliabilityStudy | CertificateStudy):
+            found += [trial for c in plan.controllers for trial in replays.missing(study, start, c)]
+            continue
         if isinstance(study, MarginStudy):
             wanted = [(c, index) for c in plan.controllers for index in _next_of_margin(study, start, c, store)]
         else:
@@ -230,7 +241,8 @@ def _run(plan: Plan, store: Store, execute: pools.Execute, report: Report | None
         reason = reason or (stop() if stop else None)
         return reason
 
-    while (missing := pending(plan, store)) and not ask():
+    replays = Replays(plan, store)
+    while (missing := pending(plan, store, replays)) and not ask():
         counts = store.counts()
         done = sum(one.done for one in counts.values())
         known = done + len(missing)

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.scenario import Scenario
-from sim.trials.plan import Plan
+from sim.trials.plan import CertificateStudy, Plan, ReliabilityStudy
 from sim.trials.run.folder import FILE
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import Store
-from sim.trials.run.trial import trial_scenario
+from sim.trials.run.trial import Point, trial_scenario
 
 
 def split_id(text: str, plan: Plan) -> tuple[str, int]:
@@ -54,9 +54,15 @@ def stored_scenario(reference: str) -> Scenario:
     if not hash_sign:
         raise UserError(f"--from-trial {reference}: must be DIR#CONTROLLER/NUMBER, such as results#c-mpc/17")
     plan, store = open_results(folder)
-    store.close()
-    controller, number = split_id(trial, plan)
-    return trial_scenario(plan, controller, number)
+    with store:
+        controller, number = split_id(trial, plan)
+        row = None
+        if isinstance(plan.study_of(number)[0], ReliabilityStudy | CertificateStudy):
+            row = store.result(controller, number)
+            if row is None:
+                raise UserError(f"trial {trial}: has not been run in {folder}, and its study asks as it learns")
+    point = Point(values=tuple(row.axis_values.values()), seed=row.seed) if row else None
+    return trial_scenario(plan, controller, number, point)
 
 
 def open_results(folder: str | Path) -> tuple[Plan, Store]:

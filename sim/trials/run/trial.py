@@ -22,12 +22,25 @@ from sim.loop import Outcome, RunSummary, Tape
 from sim.plant import Energy
 from sim.scenario import Scenario
 from sim.trials.falls.witness import Witness
-from sim.trials.plan import GridStudy, MarginStudy, Plan
+from sim.trials.plan import CertificateStudy, GridStudy, MarginStudy, Plan, ReliabilityStudy
 from sim.trials.plan.axis import Value, changes, label, scenario_at
 from sim.trials.run.result import ERROR, TrialResult, figures_of
 
 WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
 LONGEST_MESSAGE = 300  # characters of an exception that a result keeps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """What a trial of a study that asks as it learns tries; for all others it follows from the index.
+
+    Attributes:
+        values: Of the study's axes, in their order.
+        seed: Of the scenario.
+    """
+
+    values: tuple[Value, ...]
+    seed: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,20 +52,23 @@ class TrialSpec:
         controller: Kind of controller, one of the plan's.
         index: Number of the trial through all studies of the plan.
         logs: Folder for logs the plan asks for; None to keep none.
+        point: Of a trial of a study that asks as it learns.
     """
 
     plan: Plan
     controller: str
     index: int
     logs: str | None = None
+    point: Point | None = None
 
 
-def axis_values(plan: Plan, index: int) -> tuple[str, dict[str, Value], dict[str, Any]]:
+def axis_values(plan: Plan, index: int, point: Point | None = None) -> tuple[str, dict[str, Value], dict[str, Any]]:
     """What a trial tries.
 
     Args:
         plan: The plan.
         index: Number of the trial.
+        point: Of a trial of a study that asks as it learns.
 
     Returns:
         Name of the study, values by axis name, changes of the plan's scenario by dotted path.
@@ -70,6 +86,10 @@ def axis_values(plan: Plan, index: int) -> tuple[str, dict[str, Value], dict[str
         merged |= _nudged(plan, study, index, study.draw(local))
     elif isinstance(study, GridStudy):
         pairs = list(zip(study.axes, study.point(local), strict=True))
+    elif isinstance(study, ReliabilityStudy | CertificateStudy):
+        if point is None:
+            raise UserError(f"trial index {index}: study {study.name!r} has not asked for it yet")
+        pairs = list(zip(study.axes, point.values, strict=True))
     else:
         pairs = list(zip(study.axes, study.draw(plan.seed, local, base), strict=True))
     for axis, value in pairs:
@@ -94,7 +114,7 @@ def trial_seed(plan: Plan, index: int) -> int:
     return int(_sequence(plan, index).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
-def trial_scenario(plan: Plan, controller: str, index: int) -> Scenario:
+def trial_scenario(plan: Plan, controller: str, index: int, point: Point | None = None) -> Scenario:
     """The scenario of a trial; `cmpc run` runs it to the same end.
 
     Raises:
@@ -102,11 +122,11 @@ def trial_scenario(plan: Plan, controller: str, index: int) -> Scenario:
     """
     if controller not in plan.controllers:
         raise UserError(f"controller {controller!r}: must be one of the plan's, {', '.join(plan.controllers)}")
-    _, _, merged = axis_values(plan, index)
+    _, _, merged = axis_values(plan, index, point)
     own = {
         "name": f"{plan.name}-{index}",
         "controller.kind": controller,
-        "seed": trial_seed(plan, index),
+        "seed": trial_seed(plan, index) if point is None else point.seed,
     }
     if plan.scenario.controller.kind in BUILT_IN:
         return scenario_at(plan.scenario, merged | own)
@@ -124,7 +144,7 @@ def run_trial(spec: TrialSpec) -> TrialResult:
     """
     plan, began = spec.plan, time.perf_counter()
     try:
-        scenario = trial_scenario(plan, spec.controller, spec.index)
+        scenario = trial_scenario(plan, spec.controller, spec.index, spec.point)
         warm_up(spec)
         began = time.perf_counter()
         witness = Witness(scenario.controller.period)
@@ -159,13 +179,13 @@ def result_without_run(spec: TrialSpec, outcome: str, message: str) -> TrialResu
 
 
 def _identity(spec: TrialSpec) -> dict[str, Any]:
-    study, values, _ = axis_values(spec.plan, spec.index)
+    study, values, _ = axis_values(spec.plan, spec.index, spec.point)
     return {
         "controller": spec.controller,
         "trial": spec.index,
         "study": study,
         "values": json.dumps(values),
-        "seed": trial_seed(spec.plan, spec.index),
+        "seed": trial_seed(spec.plan, spec.index) if spec.point is None else spec.point.seed,
     }
 
 

@@ -24,11 +24,11 @@ from sim.runner.tasks import PRINTED
 from sim.trials.plan import Plan
 from sim.trials.run.origin import origin
 from sim.trials.run.result import ERROR, GAVE_UP, TrialResult
-from sim.trials.run.trial import TrialSpec, compile_for, result_without_run, run_trial, warm_up, what_to_compile
+from sim.trials.run.trial import Point, TrialSpec, compile_for, result_without_run, run_trial, warm_up, what_to_compile
 
 Stop = Callable[[], str | None]
-Id = tuple[str, int]
-"""Controller and number of a trial."""
+Id = tuple[str, int] | tuple[str, int, Point]
+"""Controller and number of a trial, and its point where the study asks as it learns."""
 
 Execute = Callable[[Iterable[Id], Stop], Iterator[tuple[TrialResult, str]]]
 """Runs trials and yields in any order their results and what they ran with; stops when there is a reason to."""
@@ -62,7 +62,8 @@ class Campaign:
 
     def spec(self, trial: Id) -> TrialSpec:
         """One of its trials."""
-        return TrialSpec(plan=self.plan, controller=trial[0], index=trial[1], logs=self.logs)
+        point = trial[2] if len(trial) > 2 else None
+        return TrialSpec(plan=self.plan, controller=trial[0], index=trial[1], logs=self.logs, point=point)
 
     def arrive(self) -> None:
         """Let a worker process use the controllers from outside as they stood when the campaign began."""

@@ -1,0 +1,66 @@
+"""Pictures of a study of the nearest fall: planes of two axes, importance, the fragility curve."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim.pages.palette import GREY, colour
+from sim.pages.picture import INK, picture
+from sim.trials.reliability.procedure import RADII
+from sim.trials.report.reliability_findings import Reliability
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+
+def plane(names: tuple[str, str], each: Sequence[Reliability], number: int) -> "Markup":
+    """Distance of the first fall all around in the plane of two axes, in standard deviations; open where none fell."""
+    edge = RADII[-1]
+    with picture(f"nearest fall in the plane of {names[0]} and {names[1]}", 260, 270) as made:
+        axes = made.axes
+        turn = np.linspace(0.0, 2.0 * np.pi, 100)
+        for r in range(1, int(edge) + 1):
+            axes.plot(r * np.cos(turn), r * np.sin(turn), color=GREY, linewidth=0.4)
+        for place, one in enumerate(each):
+            beta = one.found.planes[number]
+            angle = 2.0 * np.pi * np.arange(len(beta) + 1) / len(beta)
+            r = np.array([*beta, beta[0]])
+            r[~np.isfinite(r)] = math.nan
+            line = axes.plot(r * np.cos(angle), r * np.sin(angle), "o-", color=colour(place), markersize=3)[0]
+            made.title(line, one.controller)
+        axes.plot(0.0, 0.0, "+", color=INK)
+        axes.set(xlim=(-edge, edge), ylim=(-edge, edge), aspect="equal", xlabel=names[0], ylabel=names[1])
+        axes.set_xticks(range(-int(edge), int(edge) + 1))
+        axes.set_yticks(range(-int(edge), int(edge) + 1))
+    return made.svg
+
+
+def importance_bars(names: Sequence[str], one: Reliability, shade: str, most: int = 8) -> "Markup":
+    """Share of each axis in the squared distance of the nearest fall, with its deviations and the direction."""
+    side = one.sides[0]
+    order = np.argsort(-side.importance)[:most]
+    with picture(f"importance of each axis, {one.controller}", 560, 20 + 18 * len(order), bare=True) as made:
+        for row, k in enumerate(order):
+            share, deviations = float(side.importance[k]), float(side.mode.outside[k])
+            made.axes.barh(row, share, 0.7, color=shade)
+            made.axes.annotate(f" {share:.0%}, {deviations:+.2f} deviations", (share, row), va="center", color=GREY)
+        made.axes.set_yticks(range(len(order)), [names[k] for k in order])
+        made.axes.set(xlim=(0.0, 1.4 * float(side.importance[order[0]])), ylim=(len(order) - 0.4, -0.6))
+    return made.svg
+
+
+def fragility(each: Sequence[Reliability]) -> "Markup":
+    """Probability of a fall against the scale of all spreads, with 95 % intervals."""
+    with picture("probability of a fall against the scale of all spreads", 420, 230) as made:
+        for place, one in enumerate(each):
+            scale = [scale for scale, _, _, _ in one.scales]
+            share = [falls / max(known, 1) for _, falls, known, _ in one.scales]
+            low, high = zip(*(interval for *_, interval in one.scales), strict=True)
+            made.axes.vlines(scale, low, high, color=colour(place), alpha=0.4)
+            line = made.axes.plot(scale, share, "o-", color=colour(place), markersize=3.5)[0]
+            made.title(line, one.controller)
+        made.axes.set(ylim=(-0.02, 1.02), xlabel="all spreads, in those of the plan", ylabel="share that falls")
+        made.axes.grid(axis="y")
+    return made.svg

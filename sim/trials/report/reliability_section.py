@@ -1,0 +1,155 @@
+"""What a page says of a study of the nearest fall, each figure with a line on what it means."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from sim.pages import number
+from sim.pages.palette import colour
+from sim.trials.plan import CertificateStudy, ReliabilityStudy
+from sim.trials.reliability.certificate import Verdict
+from sim.trials.reliability.probability import Probability
+from sim.trials.reliability.procedure import Certified
+from sim.trials.reliability.space import Space
+from sim.trials.report import reliability_plots as plots
+from sim.trials.report.reliability_findings import (
+    Reliability,
+    ReliabilityFindings,
+    Side,
+    certificates,
+    reliability_findings,
+    shares,
+)
+from sim.trials.run import Results
+
+MOST_ROWS = 8  # axes of a table
+
+
+def reliability_section(results: Results, study: ReliabilityStudy) -> dict[str, Any]:
+    """Distance, probability, what both are made of, and each controller against the first."""
+    found = reliability_findings(results, study)
+    if not found.each:
+        return {"kind": "nothing"}
+    names = found.space.names
+    return {
+        "kind": "reliability",
+        "open": list(found.open),
+        "rows": [_row(one, names) for one in found.each],
+        "leads": [lead(one, names) for one in found.each],
+        "against": list(_against(found)),
+        "reference": found.each[0].controller,
+        "points": [(one.controller, _modes(one, found.space)) for one in found.each if one.sides],
+        "importance": [
+            (one.controller, plots.importance_bars(names, one, colour(place)))
+            for place, one in enumerate(found.each)
+            if one.sides and one.found.beta > 0.0
+        ],
+        "fragility": plots.fragility(found.each),
+        "planes": [plots.plane((names[i], names[j]), found.each, k) for k, (i, j) in enumerate(study.planes)],
+        "halves": [(one.controller, list(_halves(one, names))) for one in found.each],
+        "sobol": [
+            (one.controller, f"{one.sobol.accuracy:.0%}", f"{one.sobol.guess:.0%}", list(_sobol(one, names)))
+            for one in found.each
+            if one.sobol
+        ],
+    }
+
+
+def probability_words(p: Probability) -> str:
+    """A probability with its interval and how it was found."""
+    how = f"{p.falls} of {p.draws} draws" if p.method == "crude" else f"importance sampling, {p.draws} draws"
+    words = f"{p.value:.2g} (95 %: {p.low:.2g} to {p.high:.2g}; {how})"
+    return words + (f"; {p.unknown} without a result" if p.unknown else "")
+
+
+def beta_words(one: Reliability) -> str:
+    """The distance of the nearest fall, in words."""
+    if not one.found.nearest.modes:
+        return "no fall found"
+    if one.found.beta == 0.0:
+        return "0: it falls with nothing wrong at all"
+    return f"{one.found.beta:.2f}"
+
+
+def lead(one: Reliability, names: Sequence[str]) -> str:
+    """One controller in a sentence."""
+    words = f"nearest fall at {beta_words(one)}"
+    if one.sides and one.found.beta > 0.0:
+        side = one.sides[0]
+        made = ", ".join(f"{name} {value:+.2f}" for name, value in shares(side.importance, names, side.mode.outside))
+        words += f" deviations ({made}; {side.outside.cause or side.outside.why})"
+    return f"{words}; P of a fall {probability_words(one.found.probability)}; {one.trials} walks"
+
+
+def certificate_words(study: CertificateStudy, found: Certified | None) -> str:
+    """What a certificate says of one controller."""
+    if found is None:
+        return "not all walks have been run yet"
+    what = f"a walk falls with a probability below {study.probability:g}, at {study.confidence:.4g} confidence"
+    counted = f"{found.falls} of {found.walks} walks fell"
+    if found.verdict is Verdict.CERTIFIED:
+        return f"certified: {what}; {counted}"
+    if found.verdict is Verdict.REFUSED:
+        return f"refused: that {what}, is wrong at that confidence; {counted}"
+    return f"neither can be said within {study.most} walks; {counted}"
+
+
+def certificate_section(results: Results, study: CertificateStudy) -> dict[str, Any]:
+    """What a certificate says of each controller."""
+    said = certificates(results, study)
+    return {"kind": "certificate", "rows": [(name, certificate_words(study, one)) for name, one in said.items()]}
+
+
+def _row(one: Reliability, names: Sequence[str]) -> tuple[str, ...]:
+    p, near = one.found.probability, one.found.nearest
+    made = "-"
+    if one.sides and one.found.beta > 0.0:
+        side = one.sides[0]
+        made = ", ".join(f"{name} {value:+.2f}" for name, value in shares(side.importance, names, side.mode.outside, 3))
+    looked = f"{near.fell} of {near.looked}" if near.looked else "-"
+    return one.controller, beta_words(one), made, looked, probability_words(p), str(one.trials)
+
+
+def _against(found: ReliabilityFindings) -> Iterator[tuple[str, ...]]:
+    for one in found.against:
+        low, high = one.beta_interval
+        p_low, p_high = one.probability_interval
+        beta = f"{one.beta:+.2f} ({low:+.2f} to {high:+.2f})" if math.isfinite(one.beta) else "no fall of one of them"
+        yield one.controller, beta, f"{one.probability:+.3g} ({p_low:+.3g} to {p_high:+.3g})"
+
+
+def _modes(one: Reliability, space: Space) -> list[dict[str, Any]]:
+    return [
+        {
+            "beta": f"{side.mode.beta:.3f}",
+            "cause": side.outside.cause or side.outside.why,
+            "inside": f"{one.controller}/{side.inside.trial}" if side.inside else "",
+            "outside": f"{one.controller}/{side.outside.trial}",
+            "rows": list(_point(side, space)),
+        }
+        for side in one.sides
+    ]
+
+
+def _point(side: Side, space: Space) -> Iterator[tuple[str, ...]]:
+    order = sorted(range(len(space.names)), key=lambda k: -side.importance[k])[:MOST_ROWS]
+    for k in order:
+        value, unit = side.values[k], space.units[k]
+        words = value if isinstance(value, str) else number(value)
+        share = f"{side.importance[k]:.0%}" if side.mode.beta > 0.0 else "-"
+        yield space.names[k], f"{words} {unit if unit != '1' else ''}".strip(), f"{side.mode.outside[k]:+.2f}", share
+
+
+def _halves(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    p = one.found.probability
+    order = sorted(range(len(names)), key=lambda k: one.halves[k].value)[:MOST_ROWS]
+    for k in order:
+        half = one.halves[k]
+        yield names[k], f"{p.value:.2g}", f"{half.value:.2g}", f"{half.low:.2g} to {half.high:.2g}"
+
+
+def _sobol(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    found = one.sobol
+    assert found is not None
+    for k in sorted(range(len(names)), key=lambda k: -found.total[k])[:MOST_ROWS]:
+        yield names[k], f"{found.first[k]:.2f}", f"{found.total[k]:.2f}"

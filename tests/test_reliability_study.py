@@ -1,0 +1,213 @@
+"""Studies of the nearest fall in plans: spaces, courses that go on, pages, and the walks run again."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from sim.errors import UserError
+from sim.scenario import Scenario
+from sim.trials.plan.plan import from_toml
+from sim.trials.report.reliability_findings import certificates, reliability_findings
+from sim.trials.report.report import write_report
+from sim.trials.report.summary import summarise
+from sim.trials.run.campaign import Results, _run, run_plan
+from sim.trials.run.recall import stored_scenario
+from sim.trials.run.replay import Replays
+from sim.trials.run.result import TrialResult
+from sim.trials.run.store import Store
+
+pytest.importorskip("openturns")
+
+from sim.trials.reliability.space import Space
+
+AXES = """
+[[reliability.axes]]
+name = "push"
+paths = ["pushes.0.force"]
+also = ["pushes.0.step = 2"]
+distribution = "normal"
+centre = 0.0
+spread = 8.0
+[[reliability.axes]]
+name = "damping"
+paths = ["plant.damping_factor.left_hip"]
+distribution = "log-normal"
+centre = 1.0
+spread = 0.2
+[[reliability.axes]]
+name = "friction"
+paths = ["plant.ground.friction"]
+distribution = "uniform"
+low = 0.3
+high = 0.9
+[[reliability.axes]]
+name = "latency"
+paths = ["actuation.latency"]
+distribution = "choice"
+values = [0, 1, 2]
+[[reliability.axes]]
+name = "bias"
+paths = ["sensors.torso_bias"]
+distribution = "normal"
+centre = 0.0
+spread = 0.01
+low = -0.01
+high = 0.02
+"""
+STUDY = """
+[[reliability]]
+name = "near"
+draws = 60
+rays = 15
+look = 10
+most = 150
+pairs = ["push, bias"]
+"""
+ONE = "[[reliability.axes]]" + AXES.split("[[reliability.axes]]")[1]
+PLAN = 'controllers = ["zd-pd", "c-mpc"]\n' + STUDY + AXES
+
+
+def fake(hard: dict[str, float], order: int = 1, most: int = 10**9):
+    """Workers that answer at once: a walk falls when push and damping together are too much for its controller."""
+    left = [most]
+
+    def execute(trials, stop):
+        for trial in list(trials)[::order]:
+            if not left[0]:
+                return
+            left[0] -= 1
+            controller, index, point = trial
+            push, damping = float(point.values[0]) / 8.0, np.log(float(point.values[1])) / 0.2
+            fell = bool(0.8 * push - 0.6 * damping > hard[controller])
+            values = json.dumps(
+                dict(zip(("push", "damping", "friction", "latency", "bias"), point.values, strict=True))
+            )
+            yield (
+                TrialResult(controller=controller, trial=index, study="near", values=values, seed=point.seed,
+                            outcome="fell" if fell else "completed", survived=not fell),
+                "{}",
+            )  # fmt: skip
+
+    return execute
+
+
+def never() -> None:
+    """No reason to stop."""
+
+
+HARD = {"zd-pd": 1.5, "c-mpc": 2.8}
+
+
+def ran(plan, **given) -> Results:
+    return _run(plan, Store(None, write=True), fake(HARD, **given), None, never)
+
+
+def test_coordinates_are_the_distributions_quantiles():
+    space = Space(from_toml(PLAN).reliability[0], Scenario())
+    push, damping, friction, latency, bias = space.values(np.array([1.0, -2.0, 0.0, 0.0, 0.0]))
+    assert (push, friction, latency) == (8.0, 0.6, 1)
+    assert damping == pytest.approx(np.exp(-0.4)) and -0.01 < bias < 0.01
+    assert space.values(np.full(5, 8.0))[3:] == (2, pytest.approx(0.02))
+    u = np.array([0.7, -1.3, 0.4, 0.0, 1.1])
+    assert space.normal(space.values(u)) == pytest.approx(u, abs=1e-6)
+
+
+def test_correlated_axes_are_correlated_as_asked():
+    plan = from_toml(PLAN.replace('pairs = ["push, bias"]', 'correlations = ["push, damping = -0.7"]'))
+    space = Space(plan.reliability[0], Scenario())
+    u = np.random.default_rng(0).normal(size=(2000, 5))
+    values = np.array([space.values(point)[:2] for point in u], dtype=float)
+    assert np.corrcoef(values[:, 0], np.log(values[:, 1]))[0, 1] == pytest.approx(-0.7, abs=0.03)
+
+
+LOOK = "look = 10"
+BAD = {
+    "[[reliability]]": "has no axes",
+    STUDY.replace('pairs = ["push, bias"]', "") + ONE.replace("8.0", "0.0"): "none of its axes is random",
+    PLAN.replace("push, bias", "push, slope"): "two of push; damping",
+    PLAN.replace("draws = 60", "draws = 2"): "draws = 2",
+    PLAN.replace(LOOK, 'correlations = ["push, bias = 2"]'): "-1 < value < 1",
+    PLAN.replace(LOOK, 'correlations = ["push, push = 0.5"]'): "two of push",
+    PLAN.replace(
+        LOOK, 'correlations = ["push, damping = 0.9", "push, friction = 0.9", "damping, friction = -0.9"]'
+    ): "positive definite",
+    PLAN.replace(LOOK, "scales = [1.0]"): "scales = [1.0]",
+    PLAN.replace('distribution = "uniform"\nlow = 0.3', 'distribution = "uniform"\nlow = -0.3'): "friction",
+    PLAN.replace("low = -0.01", "low = 0.03"): "below high",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_plans_that_are_not_legal_are_refused_in_a_line(text):
+    with pytest.raises(UserError) as error:
+        from_toml(text)
+    assert BAD[text] in str(error.value) and "\n" not in str(error.value)
+
+
+def test_the_course_is_the_same_in_any_order_and_after_any_stop():
+    plan = from_toml(PLAN)
+    reference = list(ran(plan))
+    assert list(ran(plan, order=-1)) == reference
+    store = Store(None, write=True)
+    for most in (1, 7, 90, 130, 10**9):
+        execute = fake(HARD, most=most)
+        stopped = iter([None, "stop"]) if most < 10**9 else iter([None] * 1000)
+        results = _run(plan, store, execute, None, lambda stopped=stopped: next(stopped, "stop"))
+    assert list(results) == reference and not results.interrupted
+
+
+def test_a_study_says_how_far_what_of_and_how_probable(tmp_path):
+    results = ran(from_toml(PLAN))
+    found = reliability_findings(results, results.plan.reliability[0])
+    pd, mpc = found.each
+    assert pd.found.beta == pytest.approx(1.5, rel=0.02) and mpc.found.beta == pytest.approx(2.8, rel=0.03)
+    for one, truth in ((pd, 0.0668), (mpc, 0.00256)):
+        assert one.found.probability.low <= truth <= one.found.probability.high
+        side = one.sides[0]
+        assert side.importance[:2] == pytest.approx([0.64, 0.36], abs=0.12)
+        assert side.outside.fell and side.inside.survived
+    (against,) = found.against
+    assert against.beta_interval[0] <= against.beta <= against.beta_interval[1]
+    assert against.probability_interval[0] < -0.01 < against.probability_interval[1] + 0.2
+    assert pd.halves[0].value < pd.found.probability.value > pd.halves[1].value
+    page = write_report(results, tmp_path).read_text()
+    assert "deviations" in page and f"zd-pd/{pd.sides[0].outside.trial}" in page
+    assert "near: zd-pd: nearest fall at 1.5" in summarise(results)
+
+
+def test_rows_of_another_search_are_refused():
+    results = ran(from_toml(PLAN))
+    other = dataclasses.replace(results.plan, seed=9)
+    with pytest.raises(UserError, match="not what the search asks for"):
+        Replays(other, results.store).replay(other.reliability[0], 0, "zd-pd")
+
+
+def test_a_certificate_is_said_refused_or_left_open():
+    text = PLAN.replace("[[reliability", "[[certificate").replace('pairs = ["push, bias"]', "probability = 0.02")
+    for line in ("draws = 60\n", "rays = 15\n", "look = 10\n"):
+        text = text.replace(line, "")
+    plan = from_toml(text.replace("most = 150", "most = 800"))
+    results = ran(plan)
+    said = {name: one.verdict.value for name, one in certificates(results, plan.certificate[0]).items()}
+    assert said == {"zd-pd": "refused", "c-mpc": "certified"}
+    short = dataclasses.replace(plan, certificate=(dataclasses.replace(plan.certificate[0], most=60),))
+    assert "neither can be said" in summarise(ran(short))
+
+
+def test_the_walk_just_inside_walks_again_and_the_fall_falls_again(tmp_path):
+    plan = from_toml(
+        'controllers = ["zd-pd"]\n[scenario]\nsteps = 2\n[[reliability]]\ndraws = 10\nrays = 0\nlook = 1\nmost = 1\n'
+        + ONE.replace("8.0", "60.0")
+    )
+    results = run_plan(plan, tmp_path, workers=1)
+    (found,) = reliability_findings(results, plan.reliability[0]).each
+    side = found.sides[0]
+    results.store.close()
+    for trial in (side.inside, side.outside):
+        scenario = stored_scenario(f"{tmp_path}#zd-pd/{trial.trial}")
+        assert scenario.pushes[0].force == trial.axis_values["push"] and scenario.seed == trial.seed
+    assert side.inside.survived and side.outside.fell
+    with pytest.raises(UserError, match="asks as it learns"):
+        stored_scenario(f"{tmp_path}#zd-pd/150000")
