@@ -218,12 +218,13 @@ def _add_certify(parser: flags.Parser) -> None:
 
 
 def _certify(found: Namespace) -> int:
-    from sim.trials.plan import CertificateStudy, load_plan
+    from sim.trials.plan import CertificateStudy, MonteCarloStudy, ReliabilityStudy, load_plan
 
     plan = load_plan(found.plan)
     if found.controllers is not None:
         plan = replace(plan, controllers=_kinds(found.controllers))
-    random = (*plan.reliability, *plan.montecarlo, *plan.certificate)
+    random: list[ReliabilityStudy | MonteCarloStudy | CertificateStudy]
+    random = [*plan.reliability, *plan.montecarlo, *plan.certificate]
     if not random:
         raise UserError(
             f"{found.plan}: has no [[reliability]] or [[montecarlo]] study; must have random axes to certify"

@@ -85,5 +85,5 @@ def draw(n: int, seed: np.random.SeedSequence, count: int, rays: int, scales: tu
         if not falls and rays:
             part = z[number * MORE : (number + 1) * MORE]
             falls = yield from go([(scale, part, number * MORE) for scale in BETWEEN])
-    u, fell, scale = (np.concatenate(columns) for columns in zip(*found, strict=True))
-    return Draws(u=u, fell=fell, scale=scale)
+    u, fell, scales_of = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    return Draws(u=u, fell=fell, scale=scales_of)

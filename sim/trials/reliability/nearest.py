@@ -240,17 +240,19 @@ def nearest(u: Array, fell: Array, rng: np.random.Generator, *, most: int = 4, l
         return Nearest(modes=(nowhere,), looked=0, fell=0, tried=1)
     before = len(memory.all()[1]) - 1
     modes: list[Mode] = []
-    begin = starts(u, fell, most - 1)
+    begin = starts(u, fell, max(1, most - 1))
     begun = (u[:, None] == np.array(begin).reshape(1, -1, n)).all(axis=2).any(axis=1)
     looked = inside = 0
     for _ in range(LOOKS):
         if not begin:
             break
-        generators = [np.random.default_rng(seed) for seed in rng.bit_generator.seed_seq.spawn(len(begin))]  # type: ignore[union-attr]
-        found = yield from together([refine(memory, *one, tuple(modes)) for one in zip(begin, generators, strict=True)])
+        pairs = zip(begin, rng.spawn(len(begin)), strict=True)
+        found = yield from together([refine(memory, *one, tuple(modes)) for one in pairs])
         modes = list(distinct([*modes, *filter(None, found)], most))
-        if not modes:
-            break
+        if not modes:  # none of these falls under the search's own noise
+            begin = starts(u, np.where(begun, 0.0, fell), most)
+            begun |= (u[:, None] == np.array(begin).reshape(1, -1, n)).all(axis=2).any(axis=1)
+            continue
         radius = WITHIN * modes[0].beta
         ways = rng.normal(size=(look, n))
         points = radius * ways / np.linalg.norm(ways, axis=1)[:, None]

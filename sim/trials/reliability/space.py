@@ -112,7 +112,7 @@ def _inverse(quantile: Callable[[float], Value], axis: RandomAxis, value: Value)
     if axis.distribution == "choice":
         place, count = options.index(value), len(options)
         ends = [_normal(place / count), _normal((place + 1) / count)]
-        return float(np.clip(0.0, *ends))
+        return min(max(0.0, ends[0]), ends[1])
     low, high = -9.0, 9.0
     here = quantile(0.0)
     if here == value:

@@ -21,8 +21,8 @@ def plane(names: tuple[str, str], each: Sequence[Reliability], number: int) -> "
     with picture(f"nearest fall in the plane of {names[0]} and {names[1]}", 260, 270) as made:
         axes = made.axes
         turn = np.linspace(0.0, 2.0 * np.pi, 100)
-        for r in range(1, int(edge) + 1):
-            axes.plot(r * np.cos(turn), r * np.sin(turn), color=GREY, linewidth=0.4)
+        for ring in range(1, int(edge) + 1):
+            axes.plot(ring * np.cos(turn), ring * np.sin(turn), color=GREY, linewidth=0.4)
         for place, one in enumerate(each):
             beta = one.found.planes[number]
             angle = 2.0 * np.pi * np.arange(len(beta) + 1) / len(beta)
