@@ -9,6 +9,7 @@ import numpy as np
 from sim.reproduce.panels import GREY, LinePanel, MapPanel, Panel
 
 WIDTH, HEIGHT = 5.2, 3.1  # [inch] of a panel
+LETTERS = 13.0  # of a legend in an inch
 DPI = 160
 
 
@@ -48,8 +49,13 @@ def draw(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:
                 handles = _lines(ax, panel) if isinstance(panel, LinePanel) else _map(ax, panel)
                 named = {**{handle.get_label(): handle for handle in handles}, **named}
         if named:
+            fitting = int(width * columns * LETTERS / (6 + max(map(len, named)))) or 1
             figure.legend(
-                handles=list(named.values()), loc="outside lower center", ncols=len(named), frameon=False, fontsize=9
+                handles=list(named.values()),
+                loc="outside lower center",
+                ncols=min(len(named), fitting),
+                frameon=False,
+                fontsize=9,
             )
         # Without the software's version and a date the same numbers make the same bytes.
         figure.savefig(path, dpi=DPI, metadata={"Software": None})
