@@ -44,6 +44,8 @@ LATE = f"more than {SECONDS} s, or {LATEST} s of wall time"
 RABBIT = ROOT / "models" / "rabbit"
 KINDS = ("urdf", "mjcf", "xacro", "gait", "scenario", "plan", "plant", "import")
 
+SIGN_OF_LIFE = re.compile(r"cmpc [a-z ]+: \d+ s")  # on stderr, of a command that takes its time
+
 PLAN = """\
 name = "small"
 description = "two trials"
@@ -188,7 +190,7 @@ def verdict(code: int, err: str) -> str:
     """What is wrong with an outcome, empty for nothing."""
     if "Traceback" in err or code not in (0, 1, 2):
         return f"exit code {code}"
-    lines = [line for line in err.splitlines() if line.strip()]
+    lines = [line for line in err.splitlines() if line.strip() and not SIGN_OF_LIFE.fullmatch(line.strip())]
     if code == 2 and not (len(lines) == 1 and lines[0].startswith("cmpc: error:")):
         return f"{len(lines)} lines"
     foreign = [line for line in lines if code != 2 and not line.startswith("cmpc: ") and "rad" not in line]
