@@ -103,7 +103,10 @@ def _study(
     if own < ENOUGH and found.modes and found.modes[0].beta > 0.0:
         rng = np.random.default_rng(sampling)
         sample = yield from importance(n, found.modes, rng, variation=study.variation, most=study.most)
-    planes = yield from together([_plane(n, *pair) for pair in study.planes])
+    if found.modes and found.modes[0].beta == 0.0:
+        planes = [(0.0,) * SPOKES for _ in study.planes]
+    else:
+        planes = yield from together([_plane(n, *pair) for pair in study.planes])
     return Found(draws=draws, nearest=found, sample=sample, probability=estimate(sample), planes=tuple(planes))
 
 

@@ -169,7 +169,7 @@ def _against(first: Reliability, other: Reliability) -> Against:
     return Against(
         controller=other.controller,
         beta=_minus(other_fall, fall),
-        beta_interval=(_minus(other_inside, fall), _minus(other_fall, inside)),
+        beta_interval=(other_inside - fall, other_fall - inside),
         probability=value,
         probability_interval=(low, high),
     )

@@ -73,7 +73,7 @@ def beta_words(one: Reliability) -> str:
 
 def lead(one: Reliability, names: Sequence[str]) -> str:
     """One controller in a sentence."""
-    words = f"nearest fall at {beta_words(one)}"
+    words = f"nearest fall at {beta_words(one)}" if one.sides else beta_words(one)
     if one.sides and one.found.beta > 0.0:
         side = one.sides[0]
         made = ", ".join(f"{name} {value:+.2f}" for name, value in shares(side.importance, names, side.mode.outside))
@@ -114,7 +114,11 @@ def _against(found: ReliabilityFindings) -> Iterator[tuple[str, ...]]:
     for one in found.against:
         low, high = one.beta_interval
         p_low, p_high = one.probability_interval
-        beta = f"{one.beta:+.2f} ({low:+.2f} to {high:+.2f})" if math.isfinite(one.beta) else "no fall of one of them"
+        beta = (
+            f"{one.beta:+.2f} ({low:+.2f} to {high:+.2f})"
+            if math.isfinite(high - low)
+            else "no fall found of one of them"
+        )
         yield one.controller, beta, f"{one.probability:+.3g} ({p_low:+.3g} to {p_high:+.3g})"
 
 
