@@ -98,6 +98,7 @@ def test_plans_read_back_equal_and_shipped_ones_are_there(plan: Plan) -> None:
         "montecarlo",
         "payload",
         "pushes",
+        "reach",
         "reliability",
         "tuning",
         "weights",

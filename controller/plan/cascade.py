@@ -81,6 +81,7 @@ class PlanCascade(Law):
                 u_zd=state.leg.from_body(forward),
                 u_mpc=state.leg.from_body(total - forward),
                 impact_in=left if own > 0.0 else step.impact_in,
+                solve_s=self.planner.solve_s if own == 1.0 or self.planner.made else step.solve_s,
                 contact_force=self.model.stance_force(state.q, state.dq, total)[0],
                 diagnostics=self._diagnostics(off),
             )
@@ -104,7 +105,10 @@ class PlanCascade(Law):
         """Move the share towards the plan or the gait."""
         settings = self.settings
         self._quiet = self._quiet + self._period if off < settings.calm else 0.0
-        if off > 1.0:
+        figures = self.planner.figures
+        if figures is not None and not figures.found:
+            self._wanted = False  # the one fall-back: the law on the gait
+        elif off > 1.0:
             self._wanted = True
         elif self._quiet > settings.rest:
             self._wanted = False
@@ -124,9 +128,11 @@ class PlanCascade(Law):
         """A step without torque: what the log says of the gait."""
         stage = kernels.new_stage()
         theta, dtheta = outputs(self.loop.gait, state.q, state.dq, stage)
+        figures = self.planner.figures
+        improved = figures is not None and figures.share > 0.0
         return ControlStep.of(
             state.leg, np.zeros(4), y=stage.y, dy=stage.dy, theta=theta, dtheta=dtheta, s=self.gait.normalised(theta),
-            status=Status.OPTIMAL,
+            status=Status.OPTIMAL if improved else Status.SUBOPTIMAL, iterations=figures.iterations if figures else 0,
         )  # fmt: skip
 
     def _diagnostics(self, off: float) -> dict[str, float]:
@@ -135,6 +141,7 @@ class PlanCascade(Law):
         landing = -float(inner(reach, np.sin(planner.landing[:5])))
         return {
             "plan followed": self.share,
+            "plan made": float(planner.made),
             "plan off calm": off,
             "plan time left [s]": planner.left,
             "plan landing [m]": landing,

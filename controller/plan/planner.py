@@ -1,5 +1,7 @@
 """The planner in simulated time: when it looks, what it starts from, when its answer is used."""
 
+import time
+
 import numpy as np
 
 from controller.belief import kernels
@@ -67,7 +69,8 @@ class Planner:
     Attributes:
         price: Cost and limits.
         figures: Of the last plan made, None before the first.
-        left: Time the plan gives this step from now on in [s].
+        made: Whether the last tick made a plan.
+        solve_s: Wall time of that in [s], for the log alone.
     """
 
     def __init__(self, price: Price, gait: Workspace, settings: PlanSettings, world: World, period: float) -> None:
@@ -92,6 +95,7 @@ class Planner:
         self._waiting = -1  # ticks until the plan made is used
         self._expected = self._plan.x[0].copy()
         self._next = 0
+        self.made, self.solve_s = False, 0.0
 
     @property
     def left(self) -> float:
@@ -122,12 +126,13 @@ class Planner:
             x: State measured, link angles and rates, (10,).
             world: Walker, push and ground as believed now.
         """
+        self.made, self.solve_s = False, 0.0
         if self._waiting == 0:
-            self._use(x)
+            self._use()
         if self._next <= 0 and self._waiting < 0:
             self._make(x, world)
             if self._delay == 0:
-                self._use(x)
+                self._use()
         u = np.empty(N_U)
         planned = self._plan.u[_interval(self._plan, self._ticks * self._period)].copy()
         act(
@@ -142,6 +147,7 @@ class Planner:
 
     def _make(self, x: Vector, world: World) -> None:
         """Plan from where the present plan will have led when the new one is used."""
+        began = time.perf_counter()
         self._next = self._every
         w, period = self._making, self._period
         start, expected = x.copy(), self._expected.copy()
@@ -155,9 +161,10 @@ class Planner:
             self.price, world, start, (self._elapsed + self._delay) * period, self._settings.iterations, w
         )  # fmt: skip
         self._made_for = world
+        self.made, self.solve_s = True, time.perf_counter() - began
         self._waiting = self._delay
 
-    def _use(self, x: Vector) -> None:
+    def _use(self) -> None:
         """Follow the plan made."""
         self._waiting = -1
         if self.figures is None or not self.figures.found:

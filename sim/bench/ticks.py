@@ -55,6 +55,7 @@ def benchmark(*, quick: bool, say: Say) -> list[Figure]:
         against_clarabel,
         horizons,
         ltv_ticks,
+        plan_ticks,
         rival_ticks,
         real_time,
         start_up,
@@ -108,6 +109,38 @@ def ltv_ticks(steps: int) -> list[Figure]:
         Figure(name="tick of c-mpc-ltv, median", value=median, unit="ms", target="<= 0.5"),
         Figure(name="tick of c-mpc-ltv, 99.9 %", value=p999, unit="ms", target="<= 1.0"),
     ]
+
+
+class PlanTimes(NoTape):
+    """Keeps the wall time of every tick, and whether it made a plan."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.seconds: list[float] = []
+        self.made: list[bool] = []
+
+    def ticks(self, ticks: Ticks) -> None:
+        """Keep them."""
+        self.seconds += ticks.tick_s.tolist()
+        self.made += [ticks.diagnostics[k]["plan made"] > 0.0 for k in range(ticks.first, ticks.first + len(ticks))]
+
+
+def plan_ticks(steps: int) -> list[Figure]:
+    """Ticks of c-mpc-plan under pushes, those that make a plan apart."""
+    tape = PlanTimes()
+    for force in (-40.0, 60.0):
+        run_scenario(_walk("push-40N-first", steps, **{
+            "controller.kind": "c-mpc-plan", "plant.ground.friction": 0.8, "pushes.0.force": force,
+        }), tape=tape)  # fmt: skip
+    ms, made = 1e3 * np.array(tape.seconds), np.array(tape.made)
+    return [
+        Figure(name="tick of c-mpc-plan, median", value=float(np.median(ms[~made])), unit="ms", target="<= 0.5"),
+        Figure(name="tick of c-mpc-plan, 99.9 %", value=float(np.quantile(ms[~made], 0.999)), unit="ms",
+               target="<= 1.0"),
+        Figure(name="tick of c-mpc-plan that plans, median", value=float(np.median(ms[made])), unit="ms",
+               target="<= 5"),
+        Figure(name="tick of c-mpc-plan that plans, 99 %", value=float(np.quantile(ms[made], 0.99)), unit="ms"),
+    ]  # fmt: skip
 
 
 def rival_ticks(steps: int) -> list[Figure]:
