@@ -52,6 +52,12 @@ class LtvSettings:
         torque_penalty: Weight on planned torques beyond their limits; the one applied now never is.
         force_penalty: Weight on contact forces beyond their limits.
         slope_memory: Share of the old belief about the ground's slope kept at a touch-down; 1 believes in level ground.
+        yielding: Whether the outputs are held more loosely where the clock is slower than nominal, so that the posture
+            may change where the gait would stall.
+        yielding_output: Weight on the outputs there.
+        yielding_output_rate: Weight on their rates there.
+        yielding_from: How much slower the clock must be for the weights to begin to change.
+        yielding_to: How much slower it is where they have changed.
     """
 
     stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 50
@@ -67,6 +73,19 @@ class LtvSettings:
     torque_penalty: Annotated[float, Unit("1/(N.m)^2"), NOT_NEGATIVE] = 30.0
     force_penalty: Annotated[float, Unit("1/N^2"), POSITIVE] = 100.0
     slope_memory: Annotated[float, Unit("ratio"), FRACTION] = 0.5
+    yielding: bool = False
+    yielding_output: Annotated[float, Unit("1/rad^2"), POSITIVE] = 5e3
+    yielding_output_rate: Annotated[float, Unit("s^2/rad^2"), NOT_NEGATIVE] = 1e2
+    yielding_from: Annotated[float, Unit("rad/s"), NOT_NEGATIVE] = 0.02
+    yielding_to: Annotated[float, Unit("rad/s"), POSITIVE] = 0.12
+
+    def weights_at(self, faster: float) -> tuple[float, float]:
+        """Weights on y^2 and dy^2 where the clock is faster than nominal by so much, in [rad/s]."""
+        output, rate = self.output_at(abs(faster)), self.output_rate
+        if not self.yielding or -faster <= self.yielding_from:
+            return output, rate
+        share = min(1.0, (-faster - self.yielding_from) / max(self.yielding_to - self.yielding_from, 1e-9))
+        return output + share * (self.yielding_output - output), rate + share * (self.yielding_output_rate - rate)
 
     def output_at(self, off: float) -> float:
         """Weight on y^2 at a distance of the clock's rate from the nominal one in [rad/s].

@@ -151,11 +151,12 @@ class LtvCascade(Law):
         )
 
     def _weigh(self, state: StanceState) -> None:
-        """Set the outputs' weight for the clock's rate measured."""
+        """Set the outputs' weights for the clock's rate measured."""
         clock = self.gait.clock
         rate, _ = nominal_rate(self.orbit, inner(clock, state.q))
-        off = abs(inner(clock, state.dq) - rate)
-        self.cost.error[:, :4] = self._grown * self.settings.output_at(off)
+        output, output_rate = self.settings.weights_at(inner(clock, state.dq) - rate)
+        self.cost.error[:, :4] = self._grown * output
+        self.cost.error[:, 4:8] = self._grown * output_rate
 
     def _plan(self) -> LtvPlan:
         ahead = self.workspace.other

@@ -20,6 +20,7 @@ from sim.settings import tree as settings
 from sim.settings.spec import leaf
 from sim.trials.plan.axis import Axis, Value, changes, check_axes, label, scenario_at
 from sim.trials.plan.grid import GridStudy
+from sim.trials.plan.limits import shipped_limits
 from sim.trials.plan.margin import MarginStudy
 from sim.trials.plan.montecarlo import MonteCarloStudy
 from sim.trials.plan.reliability import CertificateStudy, ReliabilityStudy, extremes
@@ -52,6 +53,7 @@ class Plan:
         retries: How often a trial that ended its process is tried again, alone on a worker.
         logs: Whether to keep the logs of trials that did not survive.
         log_every: Keep the log of every n-th trial too; 0 for none.
+        limits: File of `cmpc limit --out` whose rows are drawn beside the margins, or the name of a shipped one.
         scenario: What every trial starts from; its controller's kind and its seed are set by the trial.
         grid: Grid studies.
         margin: Margin studies.
@@ -68,6 +70,7 @@ class Plan:
     retries: Annotated[int, Unit("times"), NOT_NEGATIVE] = 2
     logs: Literal["none", "falls"] = "none"
     log_every: Annotated[int, Unit("trials"), NOT_NEGATIVE] = 0
+    limits: str = ""
     scenario: Scenario = dataclasses.field(default_factory=Scenario)
     grid: tuple[GridStudy, ...] = ()
     margin: tuple[MarginStudy, ...] = ()
@@ -88,6 +91,8 @@ class Plan:
 
     def __post_init__(self) -> None:
         settings.check(self)
+        if self.limits:
+            shipped_limits(self.limits)
         spec = settings.spec_at(self.scenario, "controller.kind")
         for kind in self.controllers:
             leaf(kind, spec, "controllers")
@@ -154,7 +159,7 @@ class Plan:
 
     def hash(self) -> str:
         """Fingerprint of everything that decides the results."""
-        return hashlib.sha256(to_toml(self).encode()).hexdigest()
+        return hashlib.sha256(to_toml(dataclasses.replace(self, limits="")).encode()).hexdigest()
 
 
 def _ends(study: Study) -> list[tuple[Axis, list[Value]]]:

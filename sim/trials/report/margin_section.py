@@ -1,10 +1,12 @@
 """What a page says of a margin study: every axis, every controller, both signs, at a glance."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from sim.trials.plan import MarginStudy
-from sim.trials.plan.axis import label
+from sim.trials.plan import MarginStudy, Plan
+from sim.trials.plan.axis import changes, label, scenario_at
+from sim.trials.plan.limits import Limits, shipped_limits
+from sim.trials.plan.margin import MarginAxis
 from sim.trials.report import plots
 from sim.trials.report.findings import Side, sides, weakest
 from sim.trials.report.summary import DIRECTIONS, side_words
@@ -21,7 +23,8 @@ def margin_section(results: Results, study: MarginStudy) -> dict[str, Any]:
         "unknown": sum(len(controllers) * sum(end != 0 for end in axis.ends) for axis in study.axes) - len(found),
         "how_finely": _how_finely(study),
         "leads": [_lead(found, controller) for controller in controllers],
-        "rows": list(_rows(found, study, controllers)),
+        "rows": list(_rows(found, study, controllers, results.plan)),
+        "limits": bool(results.plan.limits),
     }
 
 
@@ -52,30 +55,57 @@ def _how_finely(study: MarginStudy) -> str:
     return words
 
 
-def _rows(found: Sequence[Side], study: MarginStudy, controllers: Sequence[str]) -> Iterator[dict[str, Any]]:
+def _rows(
+    found: Sequence[Side], study: MarginStudy, controllers: Sequence[str], plan: Plan
+) -> Iterator[dict[str, Any]]:
+    limits = shipped_limits(plan.limits) if plan.limits else None
     for axis in study.axes:
         here = [side for side in found if side.axis is axis]
         if here:
+            most = _most(axis, plan, limits) if limits else {}
             yield {
                 "axis": label(axis),
                 "unit": here[0].unit,
                 "typical": f"{axis.typical:g}" if axis.typical else "-",
                 "tried": f"{axis.low:g} to {axis.high:g}",
-                "bars": plots.margin_bars(here, controllers),
-                "held": [_held(here, controller) for controller in controllers],
+                "bars": plots.margin_bars(here, controllers, {sign: row["value"] for sign, row in most.items()}),
+                "held": [_held(here, controller, most) for controller in controllers],
+                "limit": " to ".join(f"{most[sign]['value']:.4g}" for sign in sorted(most)),
+                "sure": "; ".join(
+                    f"{row['words']}: {row['sure']}, friction {row['friction']:g}" for row in most.values()
+                ),
                 "first": _first_break(here),
             }
 
 
-def _held(here: Sequence[Side], controller: str) -> str:
-    """Both ends of what a controller holds; an end of what was tried that is still held has a sign before it."""
+def _most(axis: MarginAxis, plan: Plan, limits: Limits) -> dict[int, Mapping[str, Any]]:
+    """What any controller could hold, as far as was found, by sign."""
+    found = {}
+    for sign, end in zip((-1, 1), axis.ends, strict=True):
+        scenario = scenario_at(plan.scenario, changes(axis, axis.value(end), plan.scenario))
+        row = limits.beside(scenario, axis.paths[0], sign) if end and len(axis.paths) == 1 else None
+        if row:
+            found[sign] = row
+    return found
+
+
+def _held(here: Sequence[Side], controller: str, most: Mapping[int, Mapping[str, Any]]) -> str:
+    """Both ends of what a controller holds; an end of what was tried that is still held has a sign before it.
+
+    Where the most that any controller could hold is known, the share of it stands behind.
+    """
     ends = []
     for side in here:
         if side.controller == controller:
             value = "falls" if side.margin.value is None else f"{side.margin.value:.4g}"
             beyond = ("\u2264\u00a0" if side.sign < 0 else "\u2265\u00a0") if side.whole else ""
             again = side.margin.again
-            ends.append(beyond + value + (f" (mixed to {again[-1]:.4g})" if again else ""))
+            text = beyond + value + (f" (mixed to {again[-1]:.4g})" if again else "")
+            if side.sign in most and side.margin.value is not None:
+                nominal = side.axis.nominal
+                share = (side.margin.value - nominal) / (most[side.sign]["value"] - nominal)
+                text += f" ({100.0 * share:.0f} % of the limit)"
+            ends.append(text)
     return " to ".join(ends) or "-"
 
 

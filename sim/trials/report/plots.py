@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 
-def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> "Markup":
+def margin_bars(sides: Sequence[Side], controllers: Sequence[str], most: Mapping[int, float] | None = None) -> "Markup":
     """One axis: a bar to either side for each controller, as long as the share of the tried range it holds.
 
     A bar that ends in a line broke there; one that fills its track held all that was tried; a pale bar goes on to the
-    last value survived beyond the first fall, and rings mark those that are.
+    last value survived beyond the first fall, and rings mark those that are. A dashed line is the most that any
+    controller could hold, as far as was found: `most`, by sign.
     """
     with picture(f"margins of {label(sides[0].axis)}", 240, 6 + 14 * len(controllers), full=True) as made:
         axes = made.axes
@@ -37,6 +38,9 @@ def margin_bars(sides: Sequence[Side], controllers: Sequence[str]) -> "Markup":
                 axes.plot((width, width), (row - 0.5, row + 0.5), color=FELL, linewidth=2)
             at = [side.sign * side.share_of(again) for again in side.margin.again]
             axes.plot(at, [row] * len(at), "o", markersize=5, markerfacecolor="none", markeredgecolor=INK)
+        for side in {side.sign: side for side in sides}.values():
+            if most and side.sign in most and side.share_of(most[side.sign]) <= 1.0:
+                axes.axvline(side.sign * side.share_of(most[side.sign]), color=INK, linewidth=1.2, linestyle="--")
         axes.axvline(0.0, color=INK, linewidth=0.8)
         axes.set(xlim=(-1.02, 1.02), ylim=(len(controllers) - 0.4, -0.6))
     return made.svg

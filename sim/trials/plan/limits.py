@@ -1,0 +1,137 @@
+"""A file of limits, as `cmpc limit` writes it, and which of its rows an axis of a margin study is held against."""
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from sim.errors import UserError
+from sim.scenario import Scenario
+
+OF_QUESTION = ("axis", "step", "seconds", "friction", "longest_step", "torso", "steps", "blind", "controller")
+"""What makes two rows answers to one question."""
+
+NEEDED = {"axis": str, "value": float, "unit": str, "step": int, "friction": float, "at_bound": bool, "sure": str}
+"""What a row must have."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """How much any controller could hold, as far as was found.
+
+    Attributes:
+        walker: Fingerprint of the walker.
+        gait: Its gait.
+        rows: Answers.
+    """
+
+    walker: str
+    gait: str
+    rows: tuple[Mapping[str, Any], ...]
+
+    def with_row(self, row: Mapping[str, Any]) -> "Limits":
+        """With an answer, in the place of an older one to the same question."""
+        kept = [old for old in self.rows if any(old.get(name) != row.get(name) for name in OF_QUESTION)]
+        return replace(self, rows=(*kept, row))
+
+    def write(self, path: Path) -> None:
+        """Write the file, at once or not at all.
+
+        Raises:
+            UserError: it cannot be written.
+        """
+        lines = [
+            "# How much any controller could hold, by cmpc limit: local optima, proofs in neither direction.",
+            f"walker = {json.dumps(self.walker)}",
+            f"gait = {json.dumps(self.gait)}",
+        ]
+        for row in self.rows:
+            lines += ["", "[[limits]]", *(f"{key} = {_toml(value)}" for key, value in row.items())]
+        partial = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+            partial.replace(path)
+        except OSError as error:
+            raise UserError(f"{path}: cannot be written: {error.strerror}") from error
+
+    def beside(self, scenario: Scenario, path: str, sign: int) -> Mapping[str, Any] | None:
+        """The row that an axis of trials is held against, None where there is none.
+
+        Args:
+            scenario: With a value of the axis set.
+            path: Setting that the axis varies.
+            sign: Which way it is varied, -1 or 1.
+        """
+        name, step = _asked(scenario, path, sign)
+        rows = [row for row in self.rows if row["axis"] == name and row["step"] == step]
+        rows = [row for row in rows if not row["at_bound"] and "seconds" not in row and "blind" not in row]
+        mu = scenario.plant.ground.friction
+        return min(rows, key=lambda row: abs(row["friction"] - mu), default=None)
+
+
+SHIPPED = Path(__file__).parent / "shipped" / "limits"
+
+
+def shipped_limits(name: str) -> Limits:
+    """A file of limits by its path, or a shipped one by its name.
+
+    Raises:
+        UserError: there is none, or it is none.
+    """
+    path = SHIPPED / f"{name}.toml"
+    if path.is_file():
+        return read_limits(path)
+    if not name.endswith(".toml"):
+        known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.toml")))
+        raise UserError(f"limits = {name!r}: no such file of limits; must be {known}, or a .toml file of cmpc limit")
+    return read_limits(Path(name))
+
+
+def _asked(scenario: Scenario, path: str, sign: int) -> tuple[str, int]:
+    """Axis of `cmpc limit` and step of a setting varied."""
+    push = scenario.pushes[0] if len(scenario.pushes) == 1 else None
+    plain = push is not None and push.body == "torso" and push.point is None and push.direction == 0.0
+    way, ground = ("forward", "up") if sign > 0 else ("back", "down"), scenario.plant.ground
+    if path == "pushes.0.force" and push and plain and push.step is not None:
+        return f"push-{way[0]}", push.step
+    if path == "pushes.0.impulse" and push and plain and push.step is not None:
+        return f"impulse-{way[0]}", push.step
+    if path == "plant.ground.slope" or (path == "plant.ground.ramps.0.slope" and ground.ramps[0].length > 5.0):
+        return f"slope-{way[1]}", 1
+    if path == "plant.ground.ledges.0.height" and len(ground.ledges) == 1:
+        return f"step-{way[1]}", 2
+    if path == "plant.mass_factor.torso" and sign > 0:
+        return "load", 1
+    return ("friction", 1) if path == "plant.ground.friction" and sign < 0 else ("", 0)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + " }"
+    return json.dumps(value)
+
+
+def read_limits(path: Path) -> Limits:
+    """Read a file of limits.
+
+    Raises:
+        UserError: it is missing, unreadable, or none.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: no file of limits that can be read; must be made by cmpc limit --out") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{path}: not TOML ({error}); must be made by cmpc limit --out") from error
+    rows = table.get("limits", [])
+    if not isinstance(rows, list) or not all(isinstance(table.get(key), str) for key in ("walker", "gait")):
+        raise UserError(f"{path}: no file of limits; must be made by cmpc limit --out")
+    for number, row in enumerate(rows):
+        for key, kind in NEEDED.items():
+            value = row.get(key) if isinstance(row, Mapping) else None
+            if not isinstance(value, (int, float) if kind is float else kind):
+                raise UserError(f"{path}: limits.{number}.{key} = {value!r}: must be a {kind.__name__}")
+    return Limits(walker=table["walker"], gait=table["gait"], rows=tuple(rows))

@@ -1,0 +1,134 @@
+"""What any controller could hold: the model is the belief's, the walk found obeys it, and bad questions are refused."""
+
+import subprocess
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+from conftest import RABBIT, ROOT
+
+from controller.belief import load_gait
+from controller.belief.lumped import H
+from controller.common.errors import UserError
+from controller.limit import mechanics
+from controller.limit.question import Question
+from controller.limit.solve import Search, answer
+from controller.limit.walk import state_at
+from sim import cli
+from sim.scenario import Scenario, with_values
+from sim.trials.plan.limits import Limits, read_limits
+
+
+def functions(model):
+    links = mechanics.links_of(model)
+    p, w, after, a = (ca.SX.sym(name, 5) for name in ("p", "w", "after", "a"))
+    u, push = ca.SX.sym("u", 4), ca.SX.sym("push")
+    rows = [
+        mechanics.imbalance(links, p, w, a, u, push),
+        ca.vertcat(*mechanics.stance_force(links, p, w, a, push)),
+        ca.vertcat(*mechanics.swing_foot(links, p)),
+    ]
+    return ca.Function("f", [p, w, a, u, push], rows), ca.Function(
+        "g", [p, w, after], [mechanics.impact_imbalance(links, p, w, after)]
+    )
+
+
+def agrees(model, states, rng):
+    motion, impact = functions(model)
+    for q, dq in states:
+        u = rng.uniform(-50.0, 50.0, 4)
+        missing, force, foot = motion(H @ q, H @ dq, H @ model.acceleration(q, dq, u), u, 0.0)
+        assert np.abs(np.array(missing)).max() < 1e-10
+        assert np.allclose(np.array(force).ravel(), model.stance_force(q, dq, u)[0], atol=1e-9)
+        assert np.allclose(np.array(foot).ravel(), model.swing_foot(q, dq)[:2], atol=1e-12)
+        _, after = model.impact(q, dq)
+        assert np.abs(np.array(impact(H @ q, H @ dq, H @ after))).max() < 1e-10
+
+
+def test_the_model_is_the_beliefs(model, random_states):
+    agrees(model, random_states(50), np.random.default_rng(0))
+
+
+def test_a_load_is_a_walker_with_a_heavier_torso(model):
+    factor = ca.SX.sym("factor")
+    links = mechanics.links_of(model, factor)
+    A = ca.Function("A", [factor], [links.A, links.mass, links.b])
+    plain = A(1.0)
+    assert np.allclose(np.array(plain[0]), model.lumped.A) and float(plain[1]) == pytest.approx(model.lumped.mass)
+    assert float(A(3.0)[1]) == pytest.approx(model.lumped.mass + 2.0 * model.torso.mass)
+
+
+@pytest.fixture(scope="module")
+def search(model):
+    return Search(model=model, gait=load_gait(RABBIT / "gaits" / "paper-polished.toml", model))
+
+
+@pytest.fixture(scope="module")
+def found(search):
+    return answer(Question(axis="push-back", intervals=(10,), starts=1), search)
+
+
+def test_a_push_twice_what_a_tracker_holds_is_survivable_but_not_three_times(found):
+    assert -70.0 < found.value < -50.0 and not found.at_bound and "local optimum" in found.sure
+
+
+def test_the_walk_found_obeys_the_model_and_its_bounds(found, model, search):
+    gait = search.gait
+    motion, _ = functions(model)
+    for z, phase in zip(found.motion.points, found.phases, strict=True):
+        push = found.motion.disturbance if phase.pushed else 0.0
+        for k in range(phase.points):
+            missing, force, _ = motion(*np.split(z[:15, k], 3), z[15:, k], push)
+            assert np.abs(np.array(missing)).max() < 1e-3
+            tangential, normal = np.array(force).ravel()
+            assert normal > 10.0 - 1e-2 and abs(tangential) < 0.8 * normal + 1e-2
+        assert (np.abs(z[15:]) <= model.torque_limits[:, None] + 1e-6).all() and np.abs(z[4]).max() <= 1.0 + 1e-6
+    p, w, _, _ = state_at(found.motion, found.phases, sum(found.motion.times))
+    assert np.allclose(p, H @ gait.q_minus, atol=1e-5) and np.allclose(w, H @ gait.dq_minus, atol=1e-4)
+
+
+def test_steps_that_must_be_quick_hold_less(search):
+    quick = answer(Question(axis="push-back", intervals=(10,), starts=1, longest=0.6), search)
+    assert -52.0 < quick.value < -40.0
+
+
+def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
+    path = tmp_path / "limits.toml"
+    row = found.record()
+    Limits(walker="w", gait="g", rows=()).with_row(row).with_row(row).write(path)
+    limits = read_limits(path)
+    assert len(limits.rows) == 1 and limits.rows[0]["value"] == row["value"]
+    pushed = with_values(Scenario(), {"pushes": [{"force": -1.0, "step": 1}]})
+    assert limits.beside(pushed, "pushes.0.force", -1) == limits.rows[0]
+    assert limits.beside(pushed, "pushes.0.force", 1) is None
+    path.write_text("walker = 1")
+    with pytest.raises(UserError, match="made by cmpc limit --out"):
+        read_limits(path)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("", "an AXIS is one of push-back"),
+        ("push-up", "push-up: is no axis of cmpc limit"),
+        ("push-back --step 4", "--step 4: must be from 1 to --steps, 3"),
+        ("slope-up --for 1", "slope-up has no duration"),
+        ("push-back --blind 0.1 --step 2", "needs a push through step 1"),
+        ("push-back --walker nowhere", "nowhere"),
+        ("slope-up --log x.mcap", "walks one push or impulse"),
+        ("push-back --out no/where.toml", "is no folder"),
+        ("push-back --intervals 2", "--intervals"),
+    ],
+)
+def test_a_bad_question_is_one_line(words, said, capsys):
+    assert cli.main(["limit", *words.split(), "--quiet"]) == 2
+    err = capsys.readouterr().err
+    assert said in err and err.count("\n") == 1
+
+
+def test_without_casadi_it_says_what_to_install():
+    words = "import sys; sys.modules['casadi'] = None; from sim import cli; "
+    code = words + "sys.exit(cli.main(['limit', 'push-back', '--quiet']))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2 and "pip install 'cmpc-walker[design]'" in done.stderr and done.stderr.count("\n") == 1
