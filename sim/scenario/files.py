@@ -58,7 +58,7 @@ def kind_of(tree: Mapping[str, Any]) -> str:
     """What a TOML file is by its keys: "gait", "plan" or "scenario"."""
     if "alpha" in tree or "q_minus" in tree:
         return "gait"
-    studies = ("scenario", "grid", "margin", "montecarlo", "controllers")
+    studies = ("scenario", "grid", "margin", "montecarlo", "reliability", "certificate", "controllers")
     return "plan" if any(key in tree for key in studies) else "scenario"
 
 
