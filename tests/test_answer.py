@@ -77,6 +77,8 @@ def test_a_walk_says_how_near_it_came_to_its_limits(tmp_path):
     told = re.match(r"walked all 2 steps; nearest to its limits: \w+ \w+ ([\d.]+) of ([\d.]+) N.m at", words)
     assert moment is None and float(told[1]) / float(told[2]) == pytest.approx(peak, abs=2e-3)
     assert "|F_T / F_N|" in words
+    least = float(run["/control"]["dtheta"].min())
+    assert f"clock down to {least:.2f} rad/s at" in words and "mm above the ground at" in words
 
 
 def test_the_description_is_of_what_was_run():

@@ -1,5 +1,7 @@
 """A log in Rerun: the recording, and a picture of the real viewer in a browser."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -57,6 +59,7 @@ def test_the_viewer_shows_the_walker_at_once(recording, tmp_path, monkeypatch):
         rerun("--serve-web", "--web-viewer-port", web, "--port", grpc, recording),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        start_new_session=True,  # the command starts the viewer as a child of its own
     )
     try:
         time.sleep(3.0)
@@ -68,7 +71,7 @@ def test_the_viewer_shows_the_walker_at_once(recording, tmp_path, monkeypatch):
                 time.sleep(2.0)
             assert seen
     finally:
-        server.terminate()
+        os.killpg(server.pid, signal.SIGTERM)
         server.wait()
 
 

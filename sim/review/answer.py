@@ -12,6 +12,9 @@ from sim.review.signals import Signals, signals_of
 from sim.trials.falls.cause import sentence
 from sim.trials.falls.recorded import recorded_verdict
 
+MID_STEP = (0.2, 0.8)
+"""Of the normalised clock, where the swing foot should be clear of the ground."""
+
 
 def answer(run: Run, signals: Signals | None = None) -> tuple[str, float | None]:
     """A sentence, and the moment in [s] at which a fall began, None without one.
@@ -39,7 +42,7 @@ def answer(run: Run, signals: Signals | None = None) -> tuple[str, float | None]
 
 
 def _nearest(run: Run, signals: Signals) -> str:
-    """How near torque and friction came to their limits, and when."""
+    """How near torque, friction, clearance and energy came to their limits, and when."""
     words, limits = [], limit_of_torque(run)
     joints = [joint for joint in JOINTS if joint in limits]
     if joints:
@@ -51,4 +54,19 @@ def _nearest(run: Run, signals: Signals) -> str:
     if scenario and np.isfinite(ratio).any():
         at = int(np.nanargmax(ratio))
         words.append(f"|F_T / F_N| {ratio[at]:.2f} of {scenario.plant.ground.friction:g} at {signals.t[at]:.3f} s")
+    words += _least(signals)
     return ", ".join(words)
+
+
+def _least(signals: Signals) -> list[str]:
+    """Least clearance of the swing foot in mid-step, and least rate of the clock: how near it came to a stop."""
+    columns, words = signals.columns, []
+    swings = np.where(columns["stance"] == 1, columns["clearance.left"], columns["clearance.right"])
+    middle = np.where((columns["s"] > MID_STEP[0]) & (columns["s"] < MID_STEP[1]), swings, np.nan)
+    if np.isfinite(middle).any():
+        at = int(np.nanargmin(middle))
+        words.append(f"swing foot {middle[at]:.1f} mm above the ground at {signals.t[at]:.3f} s")
+    if np.isfinite(columns["dtheta"]).any():
+        at = int(np.nanargmin(columns["dtheta"]))
+        words.append(f"clock down to {columns['dtheta'][at]:.2f} rad/s at {signals.t[at]:.3f} s")
+    return words
