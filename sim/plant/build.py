@@ -2,6 +2,7 @@
 
 import copy
 import math
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,8 @@ def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
         UserError: MuJoCo cannot compile it, or a part is missing or not what its name says.
     """
     try:
-        model = spec.compile()
+        with warnings.catch_warnings(action="ignore"):  # what it warns of is in the runs, or refused below
+            model = spec.compile()
     except ValueError as error:
         raise UserError(f"model file {model_path}: {_in_one_line(error)}") from error
     slides, hinges = BASE[:2], (BASE[2], *JOINTS)

@@ -1,6 +1,7 @@
 """An MJCF as a tree of links, and as MuJoCo has it: classes, defaults and autolimits are MuJoCo's own to resolve."""
 
 import math
+import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,7 +118,8 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
         UserError: MuJoCo cannot.
     """
     try:
-        return spec.compile()
+        with warnings.catch_warnings(action="ignore"):  # what it warns of, the proof of the made walker would show
+            return spec.compile()
     except ValueError as error:
         raise UserError(f"{path}: {first_line(error)}") from error
 
