@@ -150,6 +150,8 @@ def test_the_course_is_the_same_in_any_order_and_after_any_stop():
     plan = from_toml(PLAN)
     reference = list(ran(plan))
     assert list(ran(plan, order=-1)) == reference
+    little = dataclasses.replace(plan.reliability[0], search=1)
+    assert len(list(ran(dataclasses.replace(plan, reliability=(little,))))) < len(reference)
     store = Store(None, write=True)
     for most in (1, 7, 90, 130, 10**9):
         execute = fake(HARD, most=most)

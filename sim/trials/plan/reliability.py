@@ -31,6 +31,7 @@ class ReliabilityStudy:
         rays: How many of them are tried at other scales of all spreads too.
         scales: These scales.
         modes: Distinct nearest falls to look for, at most.
+        search: Walks of the search for the nearest falls from which on it begins nowhere anew; what is begun is ended.
         look: Random directions tried on the sphere just inside the nearest fall.
         variation: Coefficient of variation at which the probability is known well enough.
         most: Walks of importance sampling at most.
@@ -44,6 +45,7 @@ class ReliabilityStudy:
     rays: Annotated[int, Unit("trials"), NOT_NEGATIVE] = 40
     scales: tuple[float, ...] = (0.5, 0.7, 1.4, 2.0)
     modes: Annotated[int, Unit("points"), AT_LEAST_ONE] = 3
+    search: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 2000
     look: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 60
     variation: Annotated[float, POSITIVE] = 0.2
     most: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 1000

@@ -221,7 +221,9 @@ def explained(u: Array, modes: Sequence[Mode]) -> NDArray[np.bool_]:
     return found
 
 
-def nearest(u: Array, fell: Array, rng: np.random.Generator, *, most: int = 4, look: int = 60) -> Search[Nearest]:
+def nearest(
+    u: Array, fell: Array, rng: np.random.Generator, *, most: int = 4, look: int = 60, enough: int = 10**9
+) -> Search[Nearest]:
     """Search for the nearest falls from what random walks found.
 
     Args:
@@ -230,6 +232,7 @@ def nearest(u: Array, fell: Array, rng: np.random.Generator, *, most: int = 4, l
         rng: Draws the search's own points.
         most: Starts, and modes that are reported.
         look: Random directions tried on the sphere just inside the nearest fall.
+        enough: Walks from which on it begins nowhere anew.
     """
     n = u.shape[1]
     memory = Memory(n)
@@ -244,7 +247,7 @@ def nearest(u: Array, fell: Array, rng: np.random.Generator, *, most: int = 4, l
     begun = (u[:, None] == np.array(begin).reshape(1, -1, n)).all(axis=2).any(axis=1)
     looked = inside = 0
     for _ in range(LOOKS):
-        if not begin:
+        if not begin or len(memory.all()[1]) - before >= enough:
             break
         pairs = zip(begin, rng.spawn(len(begin)), strict=True)
         found = yield from together([refine(memory, *one, tuple(modes)) for one in pairs])

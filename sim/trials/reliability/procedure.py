@@ -97,7 +97,9 @@ def _study(
 ) -> Search[Found]:
     n = len(study.axes)
     draws = yield from draw(n, points, study.draws, study.rays, study.scales)
-    found = yield from nearest(draws.u, draws.fell, np.random.default_rng(search), most=study.modes, look=study.look)
+    found = yield from nearest(
+        draws.u, draws.fell, np.random.default_rng(search), most=study.modes, look=study.look, enough=study.search
+    )
     sample = plain(draws)
     own = np.nansum(sample.fell)
     if own < ENOUGH and found.modes and found.modes[0].beta > 0.0:
