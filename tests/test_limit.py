@@ -16,8 +16,11 @@ from controller.limit.question import Question
 from controller.limit.solve import Search, answer
 from controller.limit.walk import state_at
 from sim import cli
+from sim.bridge.limits import ask
 from sim.scenario import Scenario, with_values
 from sim.trials.plan.limits import Limits, read_limits
+
+GAIT = "paper-polished"
 
 
 def functions(model):
@@ -93,12 +96,34 @@ def test_steps_that_must_be_quick_hold_less(search):
     assert -52.0 < quick.value < -40.0
 
 
+@pytest.mark.parametrize(
+    ("question", "low", "high"),
+    [
+        (Question(axis="push-back", seconds=0.5, intervals=(8,), starts=1), -110.0, -55.0),
+        (Question(axis="impulse-forward", intervals=(8,), starts=1), 8.0, 80.0),
+        (Question(axis="slope-up", intervals=(10,), starts=1), np.arctan(0.75), np.arctan(0.9)),
+        (Question(axis="step-down", step=2, intervals=(8,), starts=1), -0.45, -0.1),
+        (Question(axis="friction", intervals=(8,), starts=1), 0.0, 0.3),
+    ],
+    ids=lambda value: value.axis if isinstance(value, Question) else "",
+)
+def test_every_kind_of_disturbance_has_a_limit(question, low, high, search):
+    found = answer(question, search)
+    assert low < found.value < high and not found.at_bound
+
+
+def test_what_is_known_late_is_held_less(found):
+    late = ask(Question(axis="push-back", intervals=(10,), starts=1, blind=0.1, controller="zd-pd"), "rabbit", GAIT)
+    assert 0.6 < late.value / found.value < 0.95 and late.fit < 0.1
+
+
 def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
     path = tmp_path / "limits.toml"
     row = found.record()
     Limits(walker="w", gait="g", rows=()).with_row(row).with_row(row).write(path)
     limits = read_limits(path)
     assert len(limits.rows) == 1 and limits.rows[0]["value"] == row["value"]
+    assert limits.row_of(found.question.key()) == limits.rows[0] and limits.row_of(Question(axis="load").key()) is None
     pushed = with_values(Scenario(), {"pushes": [{"force": -1.0, "step": 1}]})
     assert limits.beside(pushed, "pushes.0.force", -1) == limits.rows[0]
     assert limits.beside(pushed, "pushes.0.force", 1) is None

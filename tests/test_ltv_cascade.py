@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from controller.common.settings import LtvSettings
 from controller.ltv.orbit import find_orbit, nominal_rate
 from sim.bridge import run as bridge
 from sim.interface import Observation
@@ -128,3 +129,12 @@ def test_the_log_may_ask_what_is_expected(belief):
     np.testing.assert_allclose(y[0], step.y, atol=1e-12)
     np.testing.assert_allclose(force[0], step.contact_force, atol=1e-12)
     assert np.abs(y[-1]).max() < 0.5 * np.abs(y[0]).max()
+
+
+def test_weights_yield_only_where_the_clock_is_slow():
+    plain, yielding = LtvSettings(), LtvSettings(yielding=True)
+    for faster in (-0.02, 0.0, 0.3):
+        assert yielding.weights_at(faster) == plain.weights_at(faster)
+    assert yielding.weights_at(-0.12) == yielding.weights_at(-1.0) == (5e3, 1e2)
+    middle = yielding.weights_at(-0.07)
+    assert all(slow < m < fast for slow, m, fast in zip((5e3, 1e2), middle, plain.weights_at(-0.07), strict=True))

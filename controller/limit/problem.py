@@ -207,13 +207,19 @@ class Program:
         self._between(0.0, np.inf, rows)
 
     def _objective(self) -> Expression:
-        scale = {"push": 50.0, "slope": 1.0, "ledge": 0.2, "load": 3.0, "friction": 1.0}[self.task.kind]
+        scale = {"push": 0.1 * self._most_push(), "slope": 1.0, "ledge": 0.2, "load": 3.0, "friction": 1.0}[
+            self.task.kind
+        ]
         effort: Expression = 0.0
         for z in self._z:
             effort = effort + ca.sumsqr(z[U, :] / ca.DM(self.bounds.torque)) / (4.0 * z.shape[1])
         if self.task.fixed is not None:
             return effort / len(self._z)
         return -self.task.sign * self._d / scale + EFFORT / len(self._z) * effort
+
+    def _most_push(self) -> float:
+        """Bound of a push in [N]; a short one may be as hard as an impulse of 100 N.s."""
+        return max(500.0, 100.0 / (self.task.pushed_time or 1.0))
 
     def _box(self) -> tuple[Vector, Vector]:
         b = self.bounds
@@ -228,7 +234,7 @@ class Program:
             lows += [*np.tile(low, phase.points), 0.005]
             highs += [*np.tile(high, phase.points), b.time[1]]
         d_low, d_high = {
-            "push": (-500.0, 500.0),
+            "push": (-self._most_push(), self._most_push()),
             "slope": (-1.5, 1.5),
             "ledge": (-0.8, 0.8),
             "load": (0.2, 50.0),

@@ -96,6 +96,22 @@ class Question:
             return disturbance * IMPULSE_TIME
         return float(np.arctan(disturbance)) if self.what.kind == "slope" else disturbance
 
+    def key(self) -> dict[str, Any]:
+        """What a row in a file of limits answers."""
+        found: dict[str, Any] = {
+            "axis": self.axis,
+            "step": self.step,
+            "friction": self.friction,
+            "longest_step": self.longest,
+            "torso": self.torso,
+            "steps": self.steps,
+        }
+        if self.seconds is not None:
+            found["seconds"] = self.seconds
+        if self.blind:
+            found |= {"blind": self.blind, "controller": self.controller}
+        return found
+
     def words(self) -> str:
         """The question in words."""
         when = ""
@@ -225,25 +241,18 @@ class Answer:
         """For a file of limits."""
         question = self.question
         found: dict[str, Any] = {
-            "axis": question.axis,
+            **question.key(),
             "words": question.words(),
             "value": round(self.value, 6),
             "unit": question.what.unit,
-            "step": question.step,
-            "friction": question.friction,
-            "longest_step": question.longest,
-            "torso": question.torso,
-            "steps": question.steps,
             "at_bound": self.at_bound,
             "sure": self.sure,
             "meshes": [list(pair) for pair in self.meshes.items()],
             "starts": ["none" if value is None else f"{value:.4g}" for value in self.starts],
             "step_times": [round(t, 4) for t in self.step_times],
         }
-        if question.seconds is not None:
-            found["seconds"] = question.seconds
         if question.blind:
-            found |= {"blind": question.blind, "controller": question.controller, "fit": self.fit}
+            found["fit"] = self.fit
         if self.easy:
             found |= {"walked": round(question.value(self.easy.disturbance), 6), "replay": self.replay}
         return found

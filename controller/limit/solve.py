@@ -146,7 +146,7 @@ def answer(question: Question, search: Search, start: Start | None = None) -> An
 
 def _easy(question: Question, search: Search, start: Start | None, tally: "_Tally", best: Found) -> Found | None:
     """The walk of least torque under a share of a push, from the gait's own: one that leaves torque to hold on with."""
-    if question.what.kind != "push" or best.at_bound:
+    if question.what.kind != "push" or best.at_bound or question.blind:
         return None
     for share in EASY:
         for intervals in reversed(question.intervals):

@@ -32,7 +32,8 @@ there may be better ones, and no controller need reach it. Extra "design".
   cmpc limit push-forward --for 0.5 --starts 5
   cmpc limit push-back --blind 0.1 --controller zd-pd     100 ms of ZD+PD under the push, then all is known
   cmpc limit push-back --log limit.mcap                   nine tenths of it, walked on the rigid plant; cmpc review
-  cmpc limit --all --out limits.toml                      every axis; limits = "limits.toml" in a plan of trials
+  cmpc limit --all --out limits.toml                      every axis; limits = "limits.toml" in a plan of trials;
+                                                          the same command again goes on where it was interrupted
   cmpc limit push-back --step 2 --out limits.toml         one more row in it
 """
 ALL: tuple[tuple[str, int], ...] = (
@@ -97,6 +98,11 @@ def _run(found: Namespace) -> int:
     answers: list[Any] = []
     with stop_on_signal() as stop:
         for question in questions:
+            there = kept.row_of(question.key()) if found.all else None
+            if there:  # of an earlier call that was interrupted
+                if not found.json:
+                    print(f"{there['words']}: {there['value']:.4g} {there['unit']}\n  {there['sure']}", flush=True)
+                continue
             with progress_bar(question.words(), quiet=found.quiet) as show:
                 try:
                     answer = limits.ask(question, found.walker, found.gait, say=show, stop=stop)
@@ -115,7 +121,8 @@ def _run(found: Namespace) -> int:
             if not found.json:
                 _tell(answer)
     if found.json:
-        print(json.dumps([answer.record() for answer in answers]), flush=True)
+        rows = kept.rows if out and found.all else [answer.record() for answer in answers]
+        print(json.dumps(list(rows)), flush=True)
     if log:
         summary = limits.walk(answers[0], found.walker, found.gait, log, found.plant)
         console.note(

@@ -34,8 +34,12 @@ class Limits:
 
     def with_row(self, row: Mapping[str, Any]) -> "Limits":
         """With an answer, in the place of an older one to the same question."""
-        kept = [old for old in self.rows if any(old.get(name) != row.get(name) for name in OF_QUESTION)]
+        kept = [old for old in self.rows if not _alike(old, row)]
         return replace(self, rows=(*kept, row))
+
+    def row_of(self, key: Mapping[str, Any]) -> Mapping[str, Any] | None:
+        """The answer to a question, None where there is none."""
+        return next((row for row in self.rows if _alike(row, key)), None)
 
     def write(self, path: Path) -> None:
         """Write the file, at once or not at all.
@@ -70,6 +74,10 @@ class Limits:
         rows = [row for row in rows if not row["at_bound"] and "seconds" not in row and "blind" not in row]
         mu = scenario.plant.ground.friction
         return min(rows, key=lambda row: abs(row["friction"] - mu), default=None)
+
+
+def _alike(row: Mapping[str, Any], key: Mapping[str, Any]) -> bool:
+    return all(row.get(name) == key.get(name) for name in OF_QUESTION)
 
 
 SHIPPED = Path(__file__).parent / "shipped" / "limits"
