@@ -1,6 +1,7 @@
 """Controllers from outside: everything takes them, and what they do wrong is one line that names file and line."""
 
 import json
+import math
 import os
 import pickle
 import subprocess
@@ -23,6 +24,7 @@ from sim.loop.law import rows_law
 from sim.loop.ticks import Ticks
 from sim.reproduce.study import Effort
 from sim.scenario import Scenario, from_toml, names_a_path, to_toml, with_value, with_values
+from sim.settings import spec
 from sim.settings.tree import spec_at
 from sim.trials.plan.plan import from_toml as plan_from_toml
 from sim.trials.run import run_plan
@@ -389,7 +391,10 @@ def test_trials_take_it_beside_a_built_in_and_its_faults_cost_one_trial(pd, tmp_
 
 
 @pytest.mark.parametrize("kind", ["zd-pd", "c-mpc"])
-def test_a_built_in_controller_that_gives_no_number_is_an_error_too(tmp_path, kind):
+def test_a_built_in_controller_that_gives_no_number_is_an_error_too(tmp_path, kind, monkeypatch):
+    with pytest.raises(UserError, match="rate_bias"):
+        walk(kind, **{"sensors.rate_bias.left_knee": -1e308})
+    monkeypatch.setattr(spec, "LARGEST", math.inf)  # what no file may ask for
     changes = {"sensors.rate_bias.left_knee": -1e308, "controller.kp": (1e308,) * 4, "controller.kd": (1e308,) * 4}
     log = tmp_path / "nan.mcap"
     with np.errstate(all="ignore"):
