@@ -119,10 +119,10 @@ def test_decimation_keeps_every_peak():
     assert t[np.nanargmax(columns["x"])] == pytest.approx(10.006, abs=0.03)
 
 
-def test_every_panel_names_signals_that_exist(logs):
-    run = load(logs[0])
-    columns = signals_of(run).columns
-    columns |= mechanics_of(run, columns)
+def test_every_panel_names_signals_that_exist(tmp_path):
+    seen = load(run(tmp_path / "observed.mcap", **{"controller.observer.enabled": True}))
+    columns = signals_of(seen).columns
+    columns |= mechanics_of(seen, columns)
     assert {line.key for panel in PANELS for line in panel.lines} | {p.x for p in PANELS if p.x} <= set(columns)
 
 
