@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     __version__: str
     from controller.common.errors import UserError
     from controller.common.records import Controller, ControlStep, Observation
-    from sim.api import design, read, replay, run, run_trials, write_review
+    from sim.api import design, limit, read, replay, run, run_trials, write_review
     from sim.loop import RunSummary as Summary
     from sim.review.shown import Log
     from sim.scenario import Scenario, load, with_value, with_values
@@ -33,6 +33,7 @@ _HOMES = {
     "Summary": ("sim.loop", "RunSummary"),
     "UserError": ("controller.common.errors", "UserError"),
     "design": ("sim.api", "design"),
+    "limit": ("sim.api", "limit"),
     "load": ("sim.scenario", "load"),
     "read": ("sim.api", "read"),
     "replay": ("sim.api", "replay"),
@@ -54,6 +55,7 @@ __all__ = [
     "UserError",
     "__version__",
     "design",
+    "limit",
     "load",
     "read",
     "replay",

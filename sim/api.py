@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from controller.common import outside
+from sim.bridge import limits
 from sim.bridge.gaits import Requirements, design_gait
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
@@ -167,10 +168,7 @@ def design(
         UserError: no gait keeps the requirements; the message says which stand in the way and by how much.
     """
     request = {"step_length": step_length, "speed": speed, **more}
-    unknown = set(request) - {field.name for field in dataclasses.fields(Requirements)}
-    if unknown:
-        legal = ", ".join(field.name for field in dataclasses.fields(Requirements))
-        raise UserError(f"design: {', '.join(sorted(unknown))}: unknown requirement; must be of {legal}")
+    _check_fields("design", request, Requirements)
     made, _ = design_gait(
         walker,
         request,
@@ -184,6 +182,48 @@ def design(
         say=lambda line: None,
     )
     return made.path
+
+
+@one_level
+def limit(
+    axis: str,
+    walker: str = "rabbit",
+    gait: str = "paper-polished",
+    *,
+    step: int | None = None,
+    seconds: float | None = None,
+    **more: Any,
+) -> limits.Answer:
+    """How much of a disturbance any controller could hold: a local optimum, as `cmpc limit` searches it.
+
+    Args:
+        axis: What disturbs, such as "push-back"; `cmpc limit --help` lists them.
+        walker: A shipped walker, or a folder.
+        gait: Name or file of its gait.
+        step: Step that is disturbed; None for the axis' usual one.
+        seconds: Duration of a push in [s]; None for that of the step.
+        more: Further fields of `controller.limit.question.Question`, such as `friction=0.6` or `starts=5`.
+
+    Returns:
+        Its `value` is in [N], [N.s], [rad], [m] or a ratio (`question.what.unit`); `sure` says how sure it is.
+
+    Raises:
+        UserError: the question is not legal, no walk is found, or the extra "design" is not installed.
+    """
+    _check_fields("limit", more, limits.Question)
+    return limits.ask(
+        limits.Question(axis=axis, step=limits.usual_step(axis) if step is None else step, seconds=seconds, **more),
+        walker,
+        gait,
+    )
+
+
+def _check_fields(what: str, given: Mapping[str, Any], of: type) -> None:
+    """Refuse keywords that are no fields of a dataclass."""
+    legal = [field.name for field in dataclasses.fields(of)]
+    unknown = set(given) - set(legal)
+    if unknown:
+        raise UserError(f"{what}: {', '.join(sorted(unknown))}: unknown; must be of {', '.join(legal)}")
 
 
 def _kind(controller: Any) -> str:

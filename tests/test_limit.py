@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import RABBIT, ROOT
 
+import sim
 from controller.belief import load_gait
 from controller.belief.lumped import H
 from controller.common.errors import UserError
@@ -144,12 +145,36 @@ def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
         ("slope-up --log x.mcap", "walks one push or impulse"),
         ("push-back --out no/where.toml", "is no folder"),
         ("push-back --intervals 2", "--intervals"),
+        ("--all --step 2", "left out of --all"),
+        ("--all --blind 0.1", "left out of --all"),
     ],
 )
 def test_a_bad_question_is_one_line(words, said, capsys):
     assert cli.main(["limit", *words.split(), "--quiet"]) == 2
     err = capsys.readouterr().err
     assert said in err and err.count("\n") == 1
+
+
+def test_python_asks_as_the_command_does():
+    least = sim.limit("friction", intervals=(8,), starts=1)
+    assert least.question.step == 1 and 0.0 < least.value < 0.3 and least.question.what.unit == "ratio"
+
+
+@pytest.mark.parametrize(
+    ("axis", "keywords", "said"),
+    [
+        ("push-up", {}, "push-up: is no axis"),
+        ("push-back", {"step": 0}, "--step 0: must be from 1 to --steps, 3"),
+        ("push-back", {"height": 1.0}, "limit: height: unknown; must be of axis"),
+        ("push-back", {"friction": float("nan")}, "--friction nan"),
+        ("push-back", {"seconds": float("nan")}, "--for nan s"),
+        ("push-back", {"intervals": ()}, "--intervals"),
+        ("push-back", {"starts": 0}, "--starts 0"),
+    ],
+)
+def test_python_refuses_a_bad_question(axis, keywords, said):
+    with pytest.raises(UserError, match=said):
+        sim.limit(axis, **keywords)
 
 
 def test_without_casadi_it_says_what_to_install():

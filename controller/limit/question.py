@@ -50,6 +50,11 @@ AXES = {
 """By name."""
 
 
+def usual_step(axis: str) -> int:
+    """Step that an axis is asked about unless another is named."""
+    return 2 if axis in AXES and AXES[axis].kind == "ledge" else 1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
     """How much of a disturbance can be survived.
@@ -167,6 +172,18 @@ class Question:
         Raises:
             UserError: in one line.
         """
+        if self.axis not in AXES:
+            raise UserError(f"{self.axis}: is no axis of cmpc limit; must be one of {', '.join(AXES)}")
+        if self.starts < 1 or not self.intervals or min(self.intervals) < 4:
+            raise UserError(
+                f"--starts {self.starts}, --intervals {' '.join(map(str, self.intervals))}: must be 1 or above, and "
+                "one or more whole numbers of 4 or above"
+            )
+        if not (0.0 < self.friction <= 10.0 and 0.0 < self.torso <= 1.5 and 0.0 <= self.blind <= 1.0):
+            raise UserError(
+                f"--friction {self.friction:g}, --torso {self.torso:g} rad, --blind {self.blind:g} s: must be above 0 "
+                "and at most 10, above 0 and at most 1.5 rad, from 0 to 1 s"
+            )
         if not 1 <= self.step <= self.steps:
             raise UserError(f"--step {self.step}: must be from 1 to --steps, {self.steps}")
         if self.seconds is not None and not 0.02 <= self.seconds <= (self.steps - self.step + 1) * self.longest:

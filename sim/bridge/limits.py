@@ -11,7 +11,7 @@ from controller.belief import WalkerModel
 from controller.belief.lumped import H
 from controller.common import outside
 from controller.common.records import Leg
-from controller.limit.question import AXES, Answer, Interrupted, Question, times_of
+from controller.limit.question import AXES, Answer, Interrupted, Question, times_of, usual_step
 from controller.limit.walk import state_at
 from sim.bridge.controllers import known_belief
 from sim.bridge.run import run_scenario
@@ -21,7 +21,18 @@ from sim.loop import NoTape, RunSummary, Ticks
 from sim.scenario import Scenario, with_values
 from sim.walkers import ModelFiles
 
-__all__ = ["AXES", "Answer", "Interrupted", "Question", "ask", "check_casadi", "fingerprint", "replay", "walk"]
+__all__ = [
+    "AXES",
+    "Answer",
+    "Interrupted",
+    "Question",
+    "ask",
+    "check_casadi",
+    "fingerprint",
+    "replay",
+    "usual_step",
+    "walk",
+]
 
 SAMPLES = 9  # forces at which the blind controller is run
 ROUNDS = 3  # of sampling nearer the answer

@@ -157,26 +157,26 @@ def _kept(out: Path | None, walker: str, gait: str) -> Any:
 
 
 def _questions(found: Namespace) -> list[Any]:
-    from sim.bridge.limits import AXES, Question
+    from sim.bridge.limits import AXES, Question, usual_step
 
     if found.all == (found.axis is not None):
         raise UserError(f"AXIS and --all: must be one of them; an AXIS is one of {', '.join(AXES)}")
-    if found.axis is not None and found.axis not in AXES:
-        raise UserError(f"{found.axis}: is no axis of cmpc limit; must be one of {', '.join(AXES)}")
-    wanted = ALL if found.all else ((found.axis, found.step or (2 if found.axis.startswith("step") else 1)),)
+    if found.all and (found.step is not None or found.seconds is not None or found.blind):
+        raise UserError("--step, --for and --blind: are of one question; must be left out of --all")
+    wanted = ALL if found.all else ((found.axis, found.step or usual_step(found.axis)),)
     intervals = tuple(sorted(set(found.intervals)))
     questions = [
         Question(
             axis=axis,
             step=step,
-            seconds=found.seconds if not found.all else None,
+            seconds=found.seconds,
             steps=found.steps,
             friction=found.friction,
             longest=found.longest_step,
             torso=found.torso,
             intervals=intervals,
             starts=found.starts,
-            blind=0.0 if found.all else found.blind,
+            blind=found.blind,
             controller=found.controller,
         )
         for axis, step in wanted
