@@ -21,6 +21,7 @@ from sim import cli
 from sim.errors import UserError
 from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import differences, from_toml, shipped_names, to_toml
+from sim.trials.report import report
 from sim.trials.report.findings import random_findings, sides
 from sim.trials.run import Results, TrialResult, TrialSpec, run_plan, run_trial
 from sim.trials.run.folder import FILE
@@ -679,3 +680,22 @@ def test_a_cluster_finds_the_same_though_a_worker_is_killed(plan: Plan, referenc
                 os.kill(victims[0], signal.SIGKILL)
 
         assert same(run_plan(plan, client=client, report=kill)) == reference
+
+
+def test_a_table_that_cannot_be_finished_leaves_the_last_one(tmp_path):
+    def failing():
+        yield from ()
+        raise OSError("disk")
+
+    (tmp_path / "results.csv").write_text("as it was")
+    with pytest.raises(OSError, match="disk"):
+        report._write_csv(failing(), tmp_path / "results.csv")
+    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("results.csv", "as it was")]
+
+
+def test_plots_of_an_older_report_go(tmp_path):
+    svg = "<svg><title>{}</title><path stroke='currentColor'/></svg>"
+    for titles in (("one", "two"), ("one", "three & four")):
+        report._write_plots("".join(svg.format(title) for title in titles), tmp_path / "plots")
+    assert sorted(path.name for path in (tmp_path / "plots").iterdir()) == ["000-one.svg", "001-three-four.svg"]
+    assert "#000" in (tmp_path / "plots" / "000-one.svg").read_text()

@@ -9,6 +9,7 @@ from typing import Any
 
 from controller.common import outside
 from controller.common.settings import BUILT_IN
+from sim import pages
 from sim.commands.options import add_quiet, add_scenario, add_workers, scenario_of
 from sim.errors import UserError
 from sim.scenario import Scenario, to_toml, with_value
@@ -148,7 +149,7 @@ def _map(
     areas = {
         controller: float(members.sum()) * grid.cell for controller, members in zip(CONTROLLERS, inside, strict=True)
     }
-    (out / "basin.json").write_text(json.dumps({"area [rad N]": areas, "epsilon [rad]": epsilon}) + "\n")
+    pages.write(out / "basin.json", json.dumps({"area [rad N]": areas, "epsilon [rad]": epsilon}) + "\n")
     for controller, area in areas.items():
         fates = found[controller]["fate"].ravel().tolist()
         counts = ", ".join(f"{fates.count(fate)} {fate.name.lower()}" for fate in Fate)

@@ -3,6 +3,7 @@
 import base64
 import csv
 import dataclasses
+import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -45,7 +46,7 @@ def write(
         "verdicts": [dataclasses.asdict(verdict) for verdict in found.verdicts],
         "notes": list(found.notes),
     }
-    (folder / f"{name}.json").write_text(json.dumps(verdict, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    pages.write(folder / f"{name}.json", json.dumps(verdict, indent=1, ensure_ascii=False) + "\n")
     draw(found.panels, f"{name}: {EXPERIMENTS[name]}", folder / f"{name}.png")
     title = f"{name}: {EXPERIMENTS[name]}"
     sections = [_section(name, found, picture=None)]
@@ -143,7 +144,8 @@ def _plain(value: Any) -> Any:
 
 def write_csv(path: Path, columns: Mapping[str, Any]) -> None:
     """Write columns of equal length, numbers in full."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True))
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True))
+    pages.write(path, text.getvalue())

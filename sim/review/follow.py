@@ -1,6 +1,5 @@
 """The page of a log that is still being written: made anew as it grows, until its end."""
 
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -47,9 +46,7 @@ def follow_page(log: Path, target: Path, tell: Callable[[str], None]) -> bool:
                 raise
             time.sleep(_POLL)
             continue
-        part = target.with_name(target.name + ".part")
-        pages.write(part, text)
-        os.replace(part, target)
+        pages.write(target, text)
         tell(f"{target}: {'whole' if last else 'so far'}, {size / 1e6:.1f} MB of log")
         if last:
             return True

@@ -172,11 +172,8 @@ def write(plan: Plan, found: Mapping[str, Results], out: Path) -> Path:
             *((name, f"left out: {why}") for name, why in left_out.items()),
         ],
     )
-    try:
-        (out / DATA).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-        pages.write(out / PAGE, page)
-    except OSError as error:
-        raise UserError(f"{out}: cannot be written: {error.strerror}") from error
+    pages.write(out / DATA, json.dumps(data, indent=1) + "\n")
+    pages.write(out / PAGE, page)
     return out / PAGE
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sim import search
+from sim import pages, search
 from sim.errors import UserError
 from sim.scenario import Scenario, load, names_a_path, with_values
 from sim.settings import tree as settings
@@ -129,10 +129,7 @@ def search_weights(
             "held_out": dataclasses.asdict(score(judged[-1], others)),
         }
     found["paired"] = dataclasses.asdict(paired(*judged, steps=plan.scenario.steps))
-    try:
-        out.write_text(_scenario(plan.scenario, best.point, found), encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"--out {out}: cannot be written: {error.strerror}") from error
+    pages.write(out, _scenario(plan.scenario, best.point, found))
     return found
 
 

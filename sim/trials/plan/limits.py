@@ -1,13 +1,13 @@
 """A file of limits, as `cmpc limit` writes it, and which of its rows an axis of a margin study is held against."""
 
 import json
-import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from sim import pages
 from sim.errors import UserError
 from sim.scenario import Scenario
 
@@ -54,12 +54,7 @@ class Limits:
         ]
         for row in self.rows:
             lines += ["", "[[limits]]", *(f"{key} = {_toml(value)}" for key, value in row.items())]
-        partial = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
-            partial.replace(path)
-        except OSError as error:
-            raise UserError(f"{path}: cannot be written: {error.strerror}") from error
+        pages.write(path, "\n".join(lines) + "\n")
 
     def beside(self, scenario: Scenario, path: str, sign: int) -> Mapping[str, Any] | None:
         """The row that an axis of trials is held against, None where there is none.

@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import heapq
 import html
+import io
 import json
 import math
 import re
@@ -61,11 +62,12 @@ def write_report(results: Results, folder: Path) -> Path:
 
 def _write_csv(results: Results, path: Path) -> None:
     names = [field.name for field in dataclasses.fields(TrialResult)]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(names)
-        for row in results:
-            table.writerow([getattr(row, name) for name in names])
+    text = io.StringIO(newline="")
+    table = csv.writer(text)
+    table.writerow(names)
+    for row in results:
+        table.writerow([getattr(row, name) for name in names])
+    pages.write(path, text.getvalue())
 
 
 def _write_margins(results: Results, path: Path) -> None:
@@ -76,17 +78,20 @@ def _write_margins(results: Results, path: Path) -> None:
         if isinstance(study, MarginStudy)
         for side in sides(results, study)
     ]
-    path.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    pages.write(path, json.dumps(found, indent=1, allow_nan=False) + "\n")
 
 
 def _write_plots(body: str, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
-    for old in folder.glob("*.svg"):
-        old.unlink()
+    old = set(folder.glob("*.svg"))
     for place, found in enumerate(re.finditer(r"<svg.*?</svg>", body, flags=re.DOTALL)):
         title = re.search(r"<title>(.*?)</title>", found[0])
         name = re.sub(r"\W+", "-", html.unescape(title[1]) if title else "plot").strip("-").lower()[:60]
-        (folder / f"{place:03}-{name}.svg").write_text(found[0].replace("currentColor", "#000"), encoding="utf-8")
+        path = folder / f"{place:03}-{name}.svg"
+        pages.write(path, found[0].replace("currentColor", "#000"))
+        old.discard(path)
+    for path in old:
+        path.unlink()
 
 
 def review_name(controller: str, trial: int) -> str:
