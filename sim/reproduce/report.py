@@ -5,7 +5,7 @@ import csv
 import dataclasses
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -17,7 +17,7 @@ from sim.reproduce import EXPERIMENTS
 from sim.reproduce.criteria import CHANGED, RULES
 from sim.reproduce.draw import draw
 from sim.reproduce.panels import LinePanel, Panel
-from sim.reproduce.study import PLANT_NAMES, Evaluation, Verdict
+from sim.reproduce.study import PLANT_NAMES, Evaluation, Finding, Verdict
 
 DIGITS = 5  # significant ones in the page; the data files have all
 
@@ -72,21 +72,27 @@ def write_page(
         The page's path.
     """
     rows = [(name, verdict) for name, evaluation in found.items() for verdict in evaluation.verdicts]
-    held = {plant: sum(getattr(verdict, plant).holds is True for _, verdict in rows) for plant in PLANT_NAMES}
+    held = {plant: _held([getattr(verdict, plant) for _, verdict in rows]) for plant in PLANT_NAMES}
     both = [verdict.polished for _, verdict in rows if verdict.polished]
-    polished = [sum(findings[i].holds is True for findings in both) for i in range(2)]
+    polished = [_held([findings[i] for findings in both]) for i in range(2)]
     lead = (
         "Cascaded MPC of underactuated bipedal walking: every figure and table on the paper's own kind of plant "
         "(pinned stance foot, rigid impacts) and on MuJoCo with contact, a verdict for each claim."
-        f"{' Coarse version (--quick).' if quick else ''} Of {len(rows)} claims {held['rigid']} hold on the rigid "
-        f"plant and {held['mujoco']} on MuJoCo; of {len(both)} judged with the polished gait, too, {polished[0]} and "
-        f"{polished[1]}."
+        f"{' Coarse version (--quick).' if quick else ''} Of the claims judged {held['rigid']} hold on the rigid "
+        f"plant and {held['mujoco']} on MuJoCo"
+        f"{f', with the polished gait {polished[0]} and {polished[1]}' if both else ''}."
     )
     sections = [_section(name, evaluation, picture=folder / f"{name}.png") for name, evaluation in found.items()]
     path = folder / "index.html"
     listed = [_row(*row) for row in rows]
     pages.write(path, _page("The paper, made again", sections, rows=listed, lead=lead, changes=changes))
     return path
+
+
+def _held(findings: Sequence[Finding]) -> str:
+    """How many findings hold of those that are judged at all."""
+    judged = [finding.holds for finding in findings if finding.holds is not None]
+    return f"{sum(judged)} of {len(judged)}"
 
 
 def _page(

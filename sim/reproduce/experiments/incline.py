@@ -139,9 +139,9 @@ def _late(results: study.Results) -> tuple[str, ...]:
     if not any(_expected(results[f"{plant}/c-mpc/walk/down"]).any() for plant in study.PLANTS):
         return ()
     return (
-        "C-MPC believes in level ground. Downhill the touch-down is late, and a foot that has sunk to the level of the "
-        "stance foot lands in the prediction, tick after tick, although it is measured in the air: the MPC spends its "
-        "torque on a step that has not begun.",
+        "C-MPC believes in level ground. Downhill the touch-down is late, and a foot that sinks to the level of the "
+        "stance foot lands in the prediction for some ticks in a row, counted below, although it is measured in the "
+        "air: the MPC's torque in them is for a step that has not begun.",
     )
 
 

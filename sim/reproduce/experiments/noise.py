@@ -125,7 +125,7 @@ def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
                 )
                 tables[f"{kind}-{plant}-{controller}"] = {
                     f"standard deviation [{unit}]": found["tried"][order],
-                    f"seeds of {seeds} survived": found["survived"][order],
+                    f"seeds of {seeds} survived before the first fall": found["survived"][order],
                 }
             row.append(
                 LinePanel(
