@@ -154,6 +154,9 @@ def test_without_opengl_the_packages_are_named(path, tmp_path):
     [
         (["a.avi"], "must end in one of .mp4, .gif, .png"),
         (["a.png", "--start", "9"], "--start 9 s: must be within 0 and"),
+        (["a.png", "--end", "nan"], "--end nan s: must be a time of 0 s or above"),
+        (["a.png", "--strobe", "3", "--end", "-1"], "--end -1 s: must be a time of 0 s or above"),
+        (["nowhere/a.gif"], "nowhere is no folder"),
         (["a.png", "--fps", "0"], "--fps 0 1/s"),
         (["a.png", "--size", "5", "9999999"], "each must be within"),
         (["a.png", "--speed", "-1"], "--speed -1"),

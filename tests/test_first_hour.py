@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+import shlex
 import subprocess
 import sys
 import time
@@ -87,6 +88,30 @@ def test_a_new_controller_walks_and_a_run_names_what_comes_next(tmp_path, monkey
 def test_a_name_that_cannot_be_written_is_one_line(line, capsys):
     assert cli.main(line.split()) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_line_that_comes_next_can_be_pasted(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", "controller", "my own.py"]) == 0
+    assert shlex.split(capsys.readouterr().out)[-2:] == ["--controller", "./my own.py"]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("review --follow", "--follow takes one log; 0 were given"),
+        ("review --follow .", ".: is no log: it is a folder"),
+        ("review --layout foxglove", "takes the one file to write; 0 were given"),
+        ("review --layout foxglove a.json --out b.json", "without --follow and --out"),
+        ("review . --out b.html", "left out for a folder"),
+        ("trials certfy", "did you mean certify?"),
+    ],
+)
+def test_what_cannot_be_done_is_told_and_not_left_aside(line, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(line.split()) == 2
+    err = capsys.readouterr().err
+    assert words in err and err.count("\n") == 1 and not list(tmp_path.iterdir()), err
 
 
 def test_completion_knows_every_command_option_and_shipped_name():

@@ -1,6 +1,7 @@
 """`cmpc new`: a scenario, a plan or a controller to start from."""
 
 import os
+import shlex
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -129,9 +130,9 @@ def _run(found: Namespace) -> int:
         raise UserError(f"{path}: cannot be written: {error.strerror}") from error
     where = found.file if os.sep in found.file else f"./{found.file}"
     then = {
-        _scenario: f"cmpc run {found.file}",
-        _plan: f"cmpc trials {found.file} --out {path.stem}-trials",
-        _controller: f"cmpc run --controller {where}",
+        _scenario: f"cmpc run {shlex.quote(found.file)}",
+        _plan: f"cmpc trials {shlex.quote(found.file)} --out {shlex.quote(f'{path.stem}-trials')}",
+        _controller: f"cmpc run --controller {shlex.quote(where)}",
     }
     print(f"{path}\nnext: {then[found.write]}")
     return 0

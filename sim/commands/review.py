@@ -42,17 +42,23 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
 
 
 def _run(found: Namespace) -> int:
-    if not found.paths:
+    if not found.paths and not found.layout and not found.follow:
         found.parser.print_help()
         return 0
     if found.layout:
+        if found.follow or found.out is not None:
+            raise UserError("--layout: writes the file that is named last; must be without --follow and --out")
         return _layout(found.layout, found.paths)
+    if found.follow:
+        return _follow(found.paths, found.out, found.open)
     if len(found.paths) > 2:
         raise UserError(f"cmpc review takes one log or two; {len(found.paths)} were given")
     if Path(found.paths[0]).is_dir():
+        if found.out is not None:
+            raise UserError(
+                "--out: names the page of a log; must be left out for a folder of results, which keeps its own"
+            )
         return _campaign(found.paths, found.most, found.open)
-    if found.follow:
-        return _follow(found.paths, found.out, found.open)
     return _page([Path(path) for path in found.paths], found.out, found.open)
 
 
@@ -79,6 +85,8 @@ def _follow(paths: list[str], out: str | None, wanted: bool | None) -> int:
     from sim.review.follow import follow_page
 
     log = Path(paths[0])
+    if log.is_dir():
+        raise UserError(f"cmpc review --follow {log}: is no log: it is a folder; must be RUN.mcap")
     target = Path(out) if out is not None else log.with_suffix(".html")
     if target.is_dir() or target.suffix == ".mcap":
         raise UserError(f"--out {target}: must be the name of an .html file")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sim.trials.run.store import Counts
 
 LEAST_TRIALS = 4  # of a benchmark
-OTHERS = ("numerics", "show", "report", "retry", "bench")
+OTHERS = ("numerics", "show", "report", "retry", "certify", "bench")
 """Words that are no plan but something to do."""
 USAGE = "cmpc trials PLAN|FILE.toml --out DIR [options]"
 DESCRIPTION = "Run the trials of a plan and leave a database, a table, plots and a page in DIR."

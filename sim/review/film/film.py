@@ -11,7 +11,7 @@ from sim.errors import UserError
 from sim.log.read import Log
 from sim.review.film.camera import camera
 from sim.review.film.caption import Captions
-from sim.review.film.story import Story
+from sim.review.film.story import Story, last_moment
 from sim.review.film.writer import check, writer
 
 AROUND = 0.3  # [s] to either side of the onset of a fall that are slowed down
@@ -55,7 +55,7 @@ def film(
         if not 0.01 <= value <= 100.0:
             raise UserError(f"{name} {value:g}: must be within 0.01 and 100")
     stories = [Story(log) for log in logs]
-    last = min(max(story.end for story in stories), end if end is not None else np.inf)
+    last = last_moment(end, max(story.end for story in stories))
     if not 0.0 <= start <= last:
         raise UserError(f"--start {start:g} s: must be within 0 and {last:g} s")
     began = min((story.began for story in stories if story.began is not None), default=None)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.errors import UserError
 from sim.interface import JOINTS
 from sim.log.read import Log
 from sim.log.read.frames import Run, run_of
@@ -35,6 +36,21 @@ class Moment:
     shares: dict[str, float]
     fall: str
     end: str
+
+
+def last_moment(end: float | None, longest: float) -> float:
+    """Where a picture of a run ends in [s].
+
+    Args:
+        end: Where it was asked to, in [s]; None for the end of the run.
+        longest: Where the run ends in [s].
+
+    Raises:
+        UserError: it is no time of 0 or above.
+    """
+    if end is not None and not end >= 0.0:
+        raise UserError(f"--end {end:g} s: must be a time of 0 s or above")
+    return longest if end is None else min(longest, end)
 
 
 class Story:

@@ -8,7 +8,7 @@ from sim.errors import UserError
 from sim.log.read import Log
 from sim.review.film.camera import camera
 from sim.review.film.caption import Captions
-from sim.review.film.story import Story
+from sim.review.film.story import Story, last_moment
 from sim.review.film.writer import check, writer
 
 MOST = 40
@@ -40,7 +40,7 @@ def strobe(
         raise UserError(f"--strobe {count}: must be within 2 and {MOST}")
     check(target, size)
     story = Story(log)
-    last = min(story.end, end if end is not None else np.inf)
+    last = last_moment(end, story.end)
     if not 0.0 <= start < last:
         raise UserError(f"--start {start:g} s: must be within 0 and {last:g} s")
     times = np.linspace(start, last, count).tolist()

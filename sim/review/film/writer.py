@@ -24,6 +24,8 @@ def check(target: Path, size: tuple[int, int]) -> None:
         raise UserError(f"{target}: must end in one of {', '.join(KINDS)}")
     if target.exists():
         raise UserError(f"{target}: already exists and is never overwritten; choose another name")
+    if not target.parent.is_dir():
+        raise UserError(f"{target}: {target.parent} is no folder; make it first or choose another path")
     if not all(16 <= side <= MOST_PIXELS for side in size):
         raise UserError(f"--size {size[0]} {size[1]} pixels: each must be within 16 and {MOST_PIXELS}")
     needed = ("PIL", "imageio", "imageio_ffmpeg") if target.suffix == ".mp4" else ("PIL",)
