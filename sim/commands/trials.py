@@ -8,20 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.common import outside
-from controller.common.settings import BUILT_IN
-from sim.commands.options import add_json, add_quiet
+from sim.commands.campaign import add_running, kinds_of, run_campaign, write_pages
+from sim.commands.options import add_json
 from sim.errors import UserError
 from sim.scenario import names_a_path
 from sim.settings import flags
-from sim.terminal.console import next_step, note
+from sim.terminal.console import note
 
 if TYPE_CHECKING:
-    from sim.terminal.progress import Update
     from sim.trials.plan import Plan
     from sim.trials.run import Results
-    from sim.trials.run.campaign import Progress, Report
-    from sim.trials.run.store import Counts
 
 LEAST_TRIALS = 4  # of a benchmark
 OTHERS = ("numerics", "show", "report", "retry", "certify", "bench")
@@ -69,7 +65,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser.add_argument("--controllers", metavar="LIST", help="not the plan's: kinds with commas between, or all")
     parser.add_argument("--out", metavar="DIR", help="folder of the results, made if missing")
     parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
-    _add_running(parser)
+    add_running(parser)
 
 
 def _check_word(word: str) -> None:
@@ -85,14 +81,6 @@ def _check_word(word: str) -> None:
     guess = flags.nearest(word, (*OTHERS, *(path.stem for path in SHIPPED.glob("*.toml"))))
     if any(f" {other}?" in guess for other in OTHERS):
         raise UserError(f"cmpc trials {word}: unknown; {guess}must be a plan, or {', '.join(OTHERS)}")
-
-
-def _add_running(parser: flags.Parser) -> None:
-    text = "processes on this machine (default: one a core)"
-    parser.add_argument("--workers", type=flags.whole(1), metavar="INT", help=text)
-    parser.add_argument("--cluster", metavar="tcp://HOST:PORT", help="run on the Dask cluster of this scheduler")
-    parser.add_argument("--mix", action="store_true", help="add to results of other versions, sources or files")
-    add_quiet(parser)
 
 
 def _print_list() -> None:
@@ -115,91 +103,8 @@ def _run(found: Namespace) -> int:
     if found.out is None:
         raise UserError(f"cmpc trials {found.plan} needs --out DIR, a folder for its results; it is made if missing")
     if found.controllers is not None:
-        plan = replace(plan, controllers=_kinds(found.controllers))
-    return _campaign(plan, Path(found.out), found, restart=found.restart)
-
-
-def _campaign(plan: "Plan", out: Path, found: Namespace, *, restart: bool = False, retry: Sequence[str] = ()) -> int:
-    """Run what is missing of a plan, and write its pages."""
-    from sim.terminal.interrupt import stop_on_signal
-    from sim.terminal.progress import progress_bar
-    from sim.trials.run import run_plan
-
-    if found.workers is not None and found.cluster is not None:
-        raise UserError("--workers and --cluster: must be one of them; a cluster brings its own workers")
-    client = None
-    if found.cluster is not None:
-        from sim.trials.run.workers import connect
-
-        client = connect(found.cluster)
-    try:
-        with stop_on_signal() as stop, progress_bar(plan.name, "trials", quiet=found.quiet) as update:
-            results = run_plan(
-                plan,
-                out,
-                workers=found.workers,
-                client=client,
-                restart=restart,
-                mix=found.mix,
-                retry=retry,
-                report=_reporter(update) if update else None,
-                stop=stop,
-            )
-    finally:
-        if client is not None:
-            client.close()
-    if results.interrupted:
-        print(f"{results.interrupted}; the same command goes on from here", file=sys.stderr)
-        results.store.close()
-        return 128 + stop.signum
-    _finish(results, out)
-    results.store.close()
-    return 0
-
-
-def _reporter(update: "Update") -> "Report":
-    def report(progress: "Progress") -> None:
-        survived = ", ".join(_counted(name, counts) for name, counts in sorted(progress.counts.items()))
-        update(progress.done, progress.known, f"survived: {survived}")
-
-    return report
-
-
-def _counted(name: str, counts: "Counts") -> str:
-    unknown = f" ({counts.unknown} without a result)" if counts.unknown else ""
-    return f"{name} {counts.survived}/{counts.known}{unknown}"
-
-
-def _kinds(text: str) -> tuple[str, ...]:
-    """Kinds of controller from text with commas between them, or "all".
-
-    Raises:
-        UserError: one is not known, given twice, or there is none.
-    """
-    kinds = BUILT_IN if text == "all" else tuple(word.strip() for word in text.split(","))
-    for kind in kinds:
-        if kind not in BUILT_IN and not outside.is_named(kind):
-            guess = flags.nearest(kind, BUILT_IN)
-            raise UserError(
-                f"--controllers {text}: no controller {kind!r}; {guess}must be all, or of {', '.join(BUILT_IN)}, "
-                f"or {outside.LEGAL}"
-            )
-        if kinds.count(kind) > 1:
-            raise UserError(f"--controllers {text}: {kind} is given twice; must be once each")
-    return tuple(kinds)
-
-
-def _finish(results: "Results", out: Path) -> None:
-    from sim.trials.report.report import write_report
-    from sim.trials.report.summary import summarise
-
-    page = write_report(results, out)
-    print(summarise(results))
-    print(f"page: {page}")
-    fallen = next((result for result in results if result.fell), None)
-    if fallen is not None:
-        trial = f"{out}#{fallen.controller}/{fallen.trial}"
-        next_step(f"cmpc run --from-trial {trial}", "one that fell, with its log")
+        plan = replace(plan, controllers=kinds_of(found.controllers))
+    return run_campaign(plan, Path(found.out), found, restart=found.restart)
 
 
 def _add_certify(parser: flags.Parser) -> None:
@@ -214,7 +119,7 @@ def _add_certify(parser: flags.Parser) -> None:
     parser.add_argument("--most", type=flags.whole(1), metavar="INT", default=20_000, help=text)
     parser.add_argument("--controllers", metavar="LIST", help="not the plan's: kinds with commas between, or all")
     parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
-    _add_running(parser)
+    add_running(parser)
 
 
 def _certify(found: Namespace) -> int:
@@ -222,7 +127,7 @@ def _certify(found: Namespace) -> int:
 
     plan = load_plan(found.plan)
     if found.controllers is not None:
-        plan = replace(plan, controllers=_kinds(found.controllers))
+        plan = replace(plan, controllers=kinds_of(found.controllers))
     random: list[ReliabilityStudy | MonteCarloStudy | CertificateStudy]
     random = [*plan.reliability, *plan.montecarlo, *plan.certificate]
     if not random:
@@ -238,7 +143,7 @@ def _certify(found: Namespace) -> int:
         correlations=getattr(random[0], "correlations", ()),
     )
     plan = replace(plan, grid=(), margin=(), montecarlo=(), reliability=(), certificate=(study,))
-    return _campaign(plan, Path(found.out), found, restart=found.restart)
+    return run_campaign(plan, Path(found.out), found, restart=found.restart)
 
 
 def _add_numerics(parser: flags.Parser) -> None:
@@ -290,7 +195,7 @@ def _bench(found: Namespace) -> int:
     from sim.bench.trials import benchmark
     from sim.commands.bench import show
 
-    kinds = _kinds(found.controllers)
+    kinds = kinds_of(found.controllers)
     show(benchmark(kinds, found.trials, note), as_json=found.json)
     return 0
 
@@ -310,7 +215,7 @@ def _add_report(parser: flags.Parser) -> None:
 
 
 def _report(found: Namespace) -> int:
-    _finish(_open(found.folder), Path(found.out or found.folder))
+    write_pages(_open(found.folder), Path(found.out or found.folder))
     return 0
 
 
@@ -320,7 +225,7 @@ def _add_retry(parser: flags.Parser) -> None:
     parser.add_argument("--errors", action="store_true", help="try errors again too, not only what was given up")
     text = "not the plan's: wall time in [s] after which a trial is given up"
     parser.add_argument("--wall-limit", type=flags.real(above=0.0), metavar="s", help=text)
-    _add_running(parser)
+    add_running(parser)
 
 
 def _retry(found: Namespace) -> int:
@@ -332,7 +237,7 @@ def _retry(found: Namespace) -> int:
     if found.wall_limit is not None:
         plan = replace(plan, wall_limit=found.wall_limit)
     outcomes = (GAVE_UP, ERROR) if found.errors else (GAVE_UP,)
-    return _campaign(plan, Path(found.folder), found, retry=outcomes)
+    return run_campaign(plan, Path(found.folder), found, retry=outcomes)
 
 
 def _add_show(parser: flags.Parser) -> None:
