@@ -24,7 +24,6 @@ PUSHED: Mapping[str, Any] = {"steps": 12, "pushes.0.force": 25.0, "pushes.0.step
 """Walks that several figures show; asked for in the same words they are run once."""
 
 PAPER, POLISHED = "paper", "paper-polished"
-GAITS = {PAPER: "paper's gait", POLISHED: "polished gait"}
 """Table I as printed, and the exactly periodic gait next to it."""
 
 Arrays = Mapping[str, NDArray[Any]]
