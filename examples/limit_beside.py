@@ -1,15 +1,10 @@
 """A limit beside controllers: the push that anybody could hold, and what each holds of it; extra `design`."""
 
-import json
-import subprocess
-import sys
-
 import sim
 
-command = [sys.executable, "-m", "sim", "limit", "push-forward", "--starts", "1", "--intervals", "10", "14", "--json"]
-found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-limit = float(found[0]["value"])
-print(f"any controller, as far as was found: {limit:.0f} N through step 1")
+found = sim.limit("push-forward", starts=1, intervals=(10, 14))
+limit = found.value
+print(f"any controller, as far as was found: {limit:.0f} N through step 1; {found.sure}")
 base = sim.with_values(sim.load("push-40N-first"), {"steps": 6, "plant.ground.friction": 0.8})
 for kind in ("zd-pd", "c-mpc"):
     low, high = 0.0, limit
