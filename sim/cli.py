@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 
 from sim.errors import UserError
+from sim.terminal.interrupt import hearing_ctrl_c
 from sim.terminal.output import with_output
 from sim.terminal.pulse import PULSE
 
@@ -75,7 +76,8 @@ def main(argv: Sequence[str]) -> int:
         Exit code, as `docs/exit-codes.md` lists them.
     """
     try:
-        return _run(argv)
+        with hearing_ctrl_c():
+            return _run(argv)
     except UserError as error:
         print("cmpc: error:", " ".join(str(error).split()), file=sys.stderr)
         return EXIT_USER_ERROR

@@ -4,11 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from conftest import ROOT
+from llvmlite.binding.executionengine import ExecutionEngine
 
 from sim.bridge import kernels
+from sim.terminal import interrupt
 
 
 @pytest.mark.parametrize(("signum", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -53,3 +56,20 @@ def test_every_law_and_plant_has_kernels_that_show_whether_it_is_ready():
     assert kernels.law_of("./mine.py:make") == "zd-pd"
     for places in kernels.TOPS.values():
         assert all(callable(kernels.named(place)) for place in places)
+
+
+def test_ctrl_c_that_meets_a_call_of_llvm_is_heard_after_it():
+    assert hasattr(ExecutionEngine, interrupt.DEAF)
+    dropped = []
+
+    def deaf() -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            dropped.append("as ctypes would")
+
+    deaf.__code__ = deaf.__code__.replace(co_name=interrupt.DEAF)
+    with interrupt.hearing_ctrl_c(), pytest.raises(KeyboardInterrupt):
+        deaf()
+        time.sleep(30.0)
+    assert not dropped and signal.getsignal(signal.SIGINT) is signal.default_int_handler

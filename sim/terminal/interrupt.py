@@ -1,5 +1,6 @@
-"""Ctrl-C, SIGTERM and a lost connection (SIGHUP) as a request to stop, so that a run can finish its log."""
+"""Ctrl-C, SIGTERM and a lost connection (SIGHUP) as a request to stop; Ctrl-C heard where compiling would lose it."""
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -7,6 +8,9 @@ from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+DEAF = "_raw_object_cache_notify"
+"""What LLVM calls back of llvmlite when it has compiled a kernel: an exception raised in there is dropped."""
+AGAIN = 0.05  # [s] from an interrupt that met such a call to the next try
 
 
 class StopRequest:
@@ -43,3 +47,28 @@ def stop_on_signal() -> Iterator[StopRequest]:
     finally:
         for signum, handler in before.items():
             signal.signal(signum, handler)
+
+
+@contextmanager
+def hearing_ctrl_c() -> Iterator[None]:
+    """Raise `KeyboardInterrupt` on Ctrl-C also where kernels are compiled (main thread only)."""
+    here = threading.current_thread() is threading.main_thread()
+    if not here or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+
+    def handle(signum: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_code.co_name == DEAF:
+                again = threading.Timer(AGAIN, os.kill, (os.getpid(), signum))
+                again.daemon = True
+                again.start()
+                return
+            frame = frame.f_back
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
