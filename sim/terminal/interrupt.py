@@ -8,8 +8,12 @@ from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-DEAF = "_raw_object_cache_notify"
-"""What LLVM calls back of llvmlite when it has compiled a kernel: an exception raised in there is dropped."""
+DEAF = (
+    "ExecutionEngine._raw_object_cache_notify",  # what LLVM calls when llvmlite has compiled a kernel
+    "ExtensionFileLoader.create_module",
+    "ExtensionFileLoader.exec_module",
+)
+"""Functions under which an exception gets lost on its way through compiled code, or becomes another."""
 AGAIN = 0.05  # [s] from an interrupt that met such a call to the next try
 
 
@@ -51,7 +55,7 @@ def stop_on_signal() -> Iterator[StopRequest]:
 
 @contextmanager
 def hearing_ctrl_c() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` on Ctrl-C also where kernels are compiled (main thread only)."""
+    """Raise `KeyboardInterrupt` on Ctrl-C, after the call where it would be lost (main thread only)."""
     here = threading.current_thread() is threading.main_thread()
     if not here or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
@@ -59,7 +63,7 @@ def hearing_ctrl_c() -> Iterator[None]:
 
     def handle(signum: int, frame: FrameType | None) -> None:
         while frame is not None:
-            if frame.f_code.co_name == DEAF:
+            if frame.f_code.co_qualname in DEAF:
                 again = threading.Timer(AGAIN, os.kill, (os.getpid(), signum))
                 again.daemon = True
                 again.start()
