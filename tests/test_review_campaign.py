@@ -1,6 +1,7 @@
 """A campaign opened from its page: its falls run again, drawn, each with its review, beside the nearest survivor."""
 
 import re
+import shutil
 
 import pytest
 
@@ -45,6 +46,15 @@ def test_falls_have_their_reviews(folder, capsys):
     assert text.count("<polyline") == len(pages) * 6 * 3 and 'href="falls.html"' in report
     beside = re.search(r'href="(reviews/zd-pd-1-beside-zd-pd-2\.html)"', text)
     assert beside and (folder / beside[1]).exists()
+
+
+def test_a_log_that_was_cut_short_is_not_taken_for_the_run(folder, tmp_path, capsys):
+    again = shutil.copytree(folder, tmp_path / "again", ignore=shutil.ignore_patterns("reviews"))
+    (again / "reviews").mkdir()
+    (again / "reviews" / "zd-pd-2.mcap.partial").write_bytes(b"cut")
+    assert main(["review", str(again), "--no-open"]) == 0
+    assert not list((again / "reviews").glob("*.partial"))
+    assert all(load(path).result["outcome"] for path in (again / "reviews").glob("*.mcap"))
 
 
 def test_what_has_been_run_again_stays(folder, capsys):

@@ -109,7 +109,10 @@ def _look(results: Results, folder: Path, row: TrialResult, tell: Callable[[str]
     log = str(Path(page).with_suffix(".mcap"))
     if not (folder / log).exists():
         tell(f"{row.controller}/{row.trial}")
-        run_scenario(trial_scenario(results.plan, row.controller, row.trial), log=folder / log)
+        growing = folder / f"{log}.partial"  # a killed run leaves no half log under a name that counts
+        growing.unlink(missing_ok=True)
+        run_scenario(trial_scenario(results.plan, row.controller, row.trial), log=growing)
+        growing.replace(folder / log)
     if not (folder / page).exists():
         write_page([salvage(folder / log)], folder / page)
     return Looked(row=row, page=page, log=log)
