@@ -128,6 +128,11 @@ def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
     pushed = with_values(Scenario(), {"pushes": [{"force": -1.0, "step": 1}]})
     assert limits.beside(pushed, "pushes.0.force", -1) == limits.rows[0]
     assert limits.beside(pushed, "pushes.0.force", 1) is None
+    whole = path.read_text()
+    for line, other in ((f"value = {row['value']}", "value = nan"), ("unit = ", "other = "), ("words = ", "other = ")):
+        path.write_text(whole.replace(line, other))
+        with pytest.raises(UserError, match=r"limits\.0\.(value|unit|words) = (nan|None): must be"):
+            read_limits(path)
     path.write_text("walker = 1")
     with pytest.raises(UserError, match="made by cmpc limit --out"):
         read_limits(path)

@@ -1,6 +1,7 @@
 """A file of limits, as `cmpc limit` writes it, and which of its rows an axis of a margin study is held against."""
 
 import json
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,8 +15,17 @@ from sim.scenario import Scenario
 OF_QUESTION = ("axis", "step", "seconds", "friction", "longest_step", "torso", "steps", "blind", "controller")
 """What makes two rows answers to one question."""
 
-NEEDED = {"axis": str, "value": float, "unit": str, "step": int, "friction": float, "at_bound": bool, "sure": str}
-"""What a row must have."""
+NEEDED = {
+    "axis": str,
+    "words": str,
+    "value": float,
+    "unit": str,
+    "step": int,
+    "friction": float,
+    "at_bound": bool,
+    "sure": str,
+}
+"""What a row must have; numbers are finite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,4 +147,6 @@ def read_limits(path: Path) -> Limits:
             value = row.get(key) if isinstance(row, Mapping) else None
             if not isinstance(value, (int, float) if kind is float else kind):
                 raise UserError(f"{path}: limits.{number}.{key} = {value!r}: must be a {kind.__name__}")
+            if isinstance(value, int | float) and not math.isfinite(value):
+                raise UserError(f"{path}: limits.{number}.{key} = {value!r}: must be a finite number")
     return Limits(walker=table["walker"], gait=table["gait"], rows=tuple(rows))
