@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 
+from sim.bridge import kernels
 from sim.bridge.run import run_scenario
 from sim.cli import main
 from sim.log.read import read_log
@@ -102,6 +103,13 @@ def test_an_interrupted_run_replays_identical(tmp_path, capsys):
     summary = run_scenario(with_values(load("undisturbed"), BASE), log=path, stop=stop)
     assert summary.outcome == "interrupted"
     assert replay(capsys, path)[:2] == (0, "identical: 123 ticks\n")
+
+
+def test_time_spent_on_kernels_does_not_end_a_replay(path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(kernels, "ready", lambda *_: False)
+    monkeypatch.setattr(kernels, "prepare", lambda *_, stop, **more: asked.extend(stop() for _ in range(10_000)))
+    assert main(["replay", str(path)]) == 0 and asked
 
 
 def test_other_versions_are_told(path, tmp_path, capsys, monkeypatch):

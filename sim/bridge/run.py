@@ -190,7 +190,7 @@ def run_scenario(
         check_display()
     files = files or ModelFiles.of(scenario)
     if not prepared:
-        _prepare(scenario, stop, announce)
+        prepare(scenario, stop=stop, announce=announce)
     belief = belief or load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief, solver=solver)
     plant = build_plant(scenario, files)
@@ -213,8 +213,17 @@ def run_scenario(
     return summary
 
 
-def _prepare(scenario: Scenario, stop: Stop | None, announce: Announce | None) -> None:
-    """Compile what is not on disk yet."""
+def prepare(scenario: Scenario, *, stop: Stop | None = None, announce: Announce | None = None) -> None:
+    """Compile the kernels of a run that are not on disk yet.
+
+    Args:
+        scenario: Of the run.
+        stop: Asked all the time.
+        announce: Told a line for the user if it takes long.
+
+    Raises:
+        KeyboardInterrupt: stopped.
+    """
     kind, plant = scenario.controller.kind, scenario.plant.kind
     if kernels.ready(kind, plant):
         return

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.bridge.run import Announce, run_scenario
+from sim.bridge.run import Announce, prepare, run_scenario
 from sim.errors import UserError
 from sim.log import provenance
 from sim.log.read import Log, read_log
@@ -99,9 +99,10 @@ def replay(log: Log, *, progress: Progress | None = None, announce: Announce | N
         again = Path(folder) / "again.mcap"
         failure = ""
         summary: RunSummary | None = None
+        prepare(scenario, announce=announce)  # before the run, whose wish to stop counts ticks
+        stop = _after(ticks, reason)
         try:
-            stop = _after(ticks, reason)
-            summary = run_scenario(scenario, log=again, progress=progress, stop=stop, announce=announce, files=files)
+            summary = run_scenario(scenario, log=again, progress=progress, stop=stop, files=files, prepared=True)
         except UserError:
             raise
         except Exception as error:  # the run may have ended in this error; its log tells
