@@ -35,6 +35,7 @@ VARIED = [
     ("undisturbed", {"plant.integrator": "RK4", "plant.timestep": 5e-4}),
     ("undisturbed", {"controller.friction_rows": False, "plant.torque_limit_factor.left_hip": 0.5}),
     ("undisturbed", {"controller.horizon": 100, "seed": 7, "time_limit": 0.3}),
+    ("push-40N-first", {"controller.observer.enabled": True}),
 ]
 
 
@@ -59,6 +60,7 @@ def test_every_varied_log_replays_identical(tmp_path, capsys, name, changes):
     code, out, _ = replay(capsys, run(tmp_path / "run.mcap", name, changes))
     ticks = len(read_log(tmp_path / "run.mcap").channel("/control"))
     assert (code, out) == (0, f"identical: {ticks} ticks\n")
+    assert main(["log", "check", str(tmp_path / "run.mcap")]) == 0
 
 
 @pytest.mark.parametrize(

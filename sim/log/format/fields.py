@@ -222,5 +222,7 @@ PREDICTED_IMPACT = ChannelTable(
 DIAGNOSTICS = "/diagnostics"
 """Topic of figures of a law's own; their names are those of the first tick that has any."""
 
+DIAGNOSTICS_MESSAGE = "Diagnostics"
+
 TABLES = (*CHANNELS, PREDICTION, PREDICTED_IMPACT)
 """Every channel with messages of this project's own."""

@@ -1,11 +1,13 @@
 """Which channels are this program's own, and which of them a finished log must have."""
 
-from sim.log.format.fields import CHANNELS, TABLES
+from sim.log.format.fields import CHANNELS, DIAGNOSTICS, DIAGNOSTICS_MESSAGE, TABLES, ChannelTable
 from sim.log.format.schema import full_name
 
 EVENTS = "/events"
 
-OWN = {channel.topic: full_name(channel) for channel in TABLES} | {
+OWN = {
+    channel.topic: full_name(channel) for channel in (*TABLES, ChannelTable(DIAGNOSTICS, DIAGNOSTICS_MESSAGE, ()))
+} | {
     "/tf": "foxglove.FrameTransforms",
     "/scene": "foxglove.SceneUpdate",
     "/forces": "foxglove.SceneUpdate",

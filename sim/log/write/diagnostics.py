@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from mcap.opcode import Opcode
 
-from sim.log.format.fields import DIAGNOSTICS, ChannelTable, Field, Kind
+from sim.log.format.fields import DIAGNOSTICS, DIAGNOSTICS_MESSAGE, ChannelTable, Field, Kind
 from sim.log.format.schema import channel_metadata, full_name, schema_of
 from sim.log.write.container import McapFile
 
@@ -28,7 +28,7 @@ def diagnostics_table(names: Mapping[str, float]) -> ChannelTable:
             number += 1
             plain = f"{plain.rstrip('0123456789')}{number}"
         fields[plain] = Field(plain, Kind.DOUBLE, unit or "1", f"{words}, by the controller")
-    return ChannelTable(DIAGNOSTICS, "Diagnostics", tuple(fields.values()))
+    return ChannelTable(DIAGNOSTICS, DIAGNOSTICS_MESSAGE, tuple(fields.values()))
 
 
 def _tag(number: int) -> bytes:
