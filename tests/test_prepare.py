@@ -71,8 +71,12 @@ def test_ctrl_c_that_meets_a_deaf_call_is_heard_after_it(name):
         except KeyboardInterrupt:
             dropped.append("as ctypes would")
 
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # workers of pytest-xdist ignore it
     deaf.__code__ = deaf.__code__.replace(co_qualname=name)
-    with interrupt.hearing_ctrl_c(), pytest.raises(KeyboardInterrupt):
-        deaf()
-        time.sleep(30.0)
-    assert not dropped and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    try:
+        with interrupt.hearing_ctrl_c(), pytest.raises(KeyboardInterrupt):
+            deaf()
+            time.sleep(30.0)
+        assert not dropped and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

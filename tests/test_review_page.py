@@ -247,7 +247,8 @@ def test_keys_zoom_hover_and_play(browser, pages, logs):
     assert narrow == pytest.approx(0.7 * browser.run("cmpc.end"))
     browser.press("r")
     x, y, w, h = browser.run(
-        "(r => [r.x, r.y, r.width, r.height])(document.querySelector('#plots .plot').getBoundingClientRect())"
+        "(e => { e.scrollIntoView({block: 'center', behavior: 'instant'}); const r = e.getBoundingClientRect();"
+        " return [r.x, r.y, r.width, r.height]; })(document.querySelector('#plots .plot'))"
     )
     browser.mouse("mouseMoved", x + w / 2, y + h / 2)
     assert browser.run("cmpc.hover") == pytest.approx(browser.run("cmpc.end") / 2, rel=0.15)
