@@ -30,7 +30,6 @@ tools: $(STAMP)  ## tests of what browsers, Node, pyarrow and OpenGL make of a l
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev,live,parquet,video]"
 	@npm ci --silent --prefix tests/node
 	@$(BIN)/python -m pytest -ra tests/test_logs.py tests/test_node_reader.py tests/test_review_page.py tests/test_review_browser.py tests/test_pages.py tests/test_film.py tests/test_live.py tests/test_rerun.py
-	@$(BIN)/python -m pytest -ra -m campaign tests/test_rerun.py
 
 check: $(STAMP)  ## lint, format, types and import contracts
 	@$(BIN)/ruff check .
@@ -62,8 +61,8 @@ trials-proof: $(STAMP)  ## the long proofs about campaigns: kills, a cluster, 10
 logs-proof: $(STAMP)  ## 1000 mutated logs and 100 falsified results through every command, some 40 minutes
 	@CMPC_MUTATIONS=1000 CMPC_FALSE=100 $(BIN)/python -m pytest tests/test_log_mutations.py tests/test_log_false.py $(ARGS)
 
-review-proof: $(STAMP)  ## 24 made-up falls and those of the campaigns, on the first screen of their pages; what --live costs
-	@$(BIN)/python -m pytest -m campaign -s tests/test_review_falls.py tests/test_live.py $(ARGS)
+review-proof: $(STAMP)  ## 24 made-up falls and those of the campaigns, on the first screen of their pages; what --live costs; Rerun's picture
+	@$(BIN)/python -m pytest -m campaign -s tests/test_review_falls.py tests/test_live.py tests/test_rerun.py $(ARGS)
 
 interrupts: $(STAMP)  ## Ctrl-C at 40 random moments of 10 commands, some five minutes
 	@$(BIN)/python tests/interrupts.py $(ARGS)
