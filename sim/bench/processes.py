@@ -13,9 +13,11 @@ import numpy as np
 from sim.bench.figure import Figure
 
 _FIRST_TICK = """
-from sim.bridge.run import run_scenario
+from sim.bridge.run import prepare, run_scenario
 from sim.scenario import load
-run_scenario(load("undisturbed"), stop=lambda: "first tick")
+undisturbed = load("undisturbed")
+prepare(undisturbed)
+run_scenario(undisturbed, stop=lambda: "first tick", prepared=True)
 """
 
 
