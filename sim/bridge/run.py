@@ -173,14 +173,16 @@ def run_scenario(
         scenario: What happens.
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
-        stop: Asked every tick; a reason ends the run as interrupted, its log complete.
+        stop: Asked every tick, and all the time while kernels are compiled; a reason ends the run as interrupted,
+            its log complete.
         files: Model files to use instead of those the scenario names, such as those of a log.
         view: Whether to show it in MuJoCo's window, no faster than real time.
         announce: Told a line for the user before something long.
         solver: Used instead of the one the scenario names.
         tape: Takes ticks and events, beside the log if one is written.
         belief: The controller's model and gait if they have been loaded before; read from their files if not.
-        prepared: Whether to compile what is missing here and now, not in processes beside this one.
+        prepared: Whether to compile what is missing here and now, not in processes beside this one; `stop` is then
+            asked once a tick and at no other time.
 
     Raises:
         KeyboardInterrupt: stopped while kernels were compiled, before the run began.

@@ -1,13 +1,12 @@
 """Which channels are this program's own, and which of them a finished log must have."""
 
-from sim.log.format.fields import CHANNELS, DIAGNOSTICS, DIAGNOSTICS_MESSAGE, TABLES, ChannelTable
+from sim.log.format.fields import CHANNELS, DIAGNOSTICS, DIAGNOSTICS_MESSAGE, PACKAGE, TABLES
 from sim.log.format.schema import full_name
 
 EVENTS = "/events"
 
-OWN = {
-    channel.topic: full_name(channel) for channel in (*TABLES, ChannelTable(DIAGNOSTICS, DIAGNOSTICS_MESSAGE, ()))
-} | {
+OWN = {channel.topic: full_name(channel) for channel in TABLES} | {
+    DIAGNOSTICS: f"{PACKAGE}.{DIAGNOSTICS_MESSAGE}",
     "/tf": "foxglove.FrameTransforms",
     "/scene": "foxglove.SceneUpdate",
     "/forces": "foxglove.SceneUpdate",
