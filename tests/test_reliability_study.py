@@ -9,6 +9,7 @@ import pytest
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan.plan import from_toml
+from sim.trials.report.reliability_checks import crude_checks, repeats
 from sim.trials.report.reliability_findings import certificates, reliability_findings
 from sim.trials.report.report import write_report
 from sim.trials.report.summary import summarise
@@ -177,6 +178,29 @@ def test_a_study_says_how_far_what_of_and_how_probable(tmp_path):
     page = write_report(results, tmp_path).read_text()
     assert "deviations" in page and f"zd-pd/{pd.sides[0].outside.trial}" in page
     assert "near: zd-pd: nearest fall at 1.5" in summarise(results)
+
+
+def test_plain_draws_find_no_fall_that_is_nearer_and_as_many_as_the_study_says():
+    plan = from_toml(PLAN)
+    found = reliability_findings(results := ran(plan), results.plan.reliability[0])
+    crude = dataclasses.replace(plan.reliability[0], draws=3000, rays=0, scales=(), modes=0, pairs=())
+    plain = ran(dataclasses.replace(plan, seed=5, reliability=(crude,)))
+    pd, mpc = crude_checks(found, plain, crude)
+    assert pd.draws == 3000 and pd.falls == pytest.approx(0.0668 * 3000, rel=0.25) and not pd.nearer
+    assert pd.beta <= pd.nearest and plain.store.result("zd-pd", int(pd.trial.split("/")[1])).fell
+    assert "never farther" in pd.lines[0] and "inside its interval, the two agree" in pd.lines[1]
+    farther = dataclasses.replace(mpc, beta=mpc.nearest + 0.1, nearer=1, probability=(0.5, 0.4, 0.6))
+    assert "FARTHER than 1 of" in farther.lines[0] and "outside its interval, the two do not agree" in farther.lines[1]
+
+
+def test_a_study_repeated_under_other_seeds_says_how_far_its_distances_spread():
+    plans = [from_toml("seed = " + str(seed) + "\n" + PLAN) for seed in (0, 1, 2)]
+    found = [reliability_findings(ran(plan), plan.reliability[0]) for plan in plans]
+    pd, mpc = repeats((0, 1, 2), found)
+    assert (pd.controller, mpc.controller) == ("zd-pd", "c-mpc") and pd.spread < 0.03 and len(set(pd.betas)) == 3
+    three = dataclasses.replace(pd, betas=(1.9, 2.0, 2.1))
+    assert (three.mean, three.spread, three.deviation) == pytest.approx((2.0, 0.1, 0.05))
+    assert "10.0 % of the mean, standard deviation 5.0 %" in three.lines[0] and len(three.lines) == 5
 
 
 def test_rows_of_another_search_are_refused():

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sim.commands import nearest
 from sim.commands.campaign import add_running, kinds_of, run_campaign, write_pages
 from sim.commands.options import add_json
 from sim.errors import UserError
@@ -65,6 +66,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser.add_argument("--controllers", metavar="LIST", help="not the plan's: kinds with commas between, or all")
     parser.add_argument("--out", metavar="DIR", help="folder of the results, made if missing")
     parser.add_argument("--restart", action="store_true", help="begin anew; keep what is there in a backup folder")
+    nearest.add_checks(parser)
     add_running(parser)
 
 
@@ -104,6 +106,12 @@ def _run(found: Namespace) -> int:
         raise UserError(f"cmpc trials {found.plan} needs --out DIR, a folder for its results; it is made if missing")
     if found.controllers is not None:
         plan = replace(plan, controllers=kinds_of(found.controllers))
+    if (found.repeat or found.check_crude) and (found.restart or (found.repeat and found.check_crude)):
+        raise UserError("--repeat, --check-crude and --restart: must be one of them at a time")
+    if found.repeat:
+        return nearest.repeat(plan, Path(found.out), found)
+    if found.check_crude:
+        return nearest.check_crude(plan, Path(found.out), found)
     return run_campaign(plan, Path(found.out), found, restart=found.restart)
 
 

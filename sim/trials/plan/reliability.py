@@ -30,7 +30,7 @@ class ReliabilityStudy:
         draws: Random walks at the plan's spreads, the same for every controller.
         rays: How many of them are tried at other scales of all spreads too.
         scales: These scales.
-        modes: Distinct nearest falls to look for, at most.
+        modes: Distinct nearest falls to look for, at most; 0 tries the draws alone.
         search: Walks of the search for the nearest falls from which on it begins nowhere anew; what is begun is ended.
         look: Random directions tried on the sphere just inside the nearest fall.
         variation: Coefficient of variation at which the probability is known well enough.
@@ -44,7 +44,7 @@ class ReliabilityStudy:
     draws: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 200
     rays: Annotated[int, Unit("trials"), NOT_NEGATIVE] = 40
     scales: tuple[float, ...] = (0.5, 0.7, 1.4, 2.0)
-    modes: Annotated[int, Unit("points"), AT_LEAST_ONE] = 3
+    modes: Annotated[int, Unit("points"), NOT_NEGATIVE] = 3
     search: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 2000
     look: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 60
     variation: Annotated[float, POSITIVE] = 0.2

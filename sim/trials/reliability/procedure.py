@@ -97,9 +97,11 @@ def _study(
 ) -> Search[Found]:
     n = len(study.axes)
     draws = yield from draw(n, points, study.draws, study.rays, study.scales)
-    found = yield from nearest(
-        draws.u, draws.fell, np.random.default_rng(search), most=study.modes, look=study.look, enough=study.search
-    )
+    found = Nearest(modes=(), looked=0, fell=0, tried=0)
+    if study.modes:
+        found = yield from nearest(
+            draws.u, draws.fell, np.random.default_rng(search), most=study.modes, look=study.look, enough=study.search
+        )
     sample = plain(draws)
     own = np.nansum(sample.fell)
     if own < ENOUGH and found.modes and found.modes[0].beta > 0.0:

@@ -189,12 +189,17 @@ def _difference(first: Reliability, other: Reliability) -> tuple[float, float, f
         # a draw more on which each alone falls keeps the width from vanishing where none differ (Agresti, Min 2005)
         width = 1.96 * math.sqrt((apart**2).sum() + 2.0 - k * value**2) / (k + 2.0)
         return value, value - width, value + width
-    value = q.value - p.value
-    return (
-        value,
-        value - math.hypot(q.value - q.low, p.high - p.value),
-        value + math.hypot(q.high - q.value, p.value - p.low),
-    )  # Newcombe's square-and-add
+    low, high = unpaired((p.value, p.low, p.high), (q.value, q.low, q.high))
+    return q.value - p.value, low, high
+
+
+def unpaired(one: tuple[float, float, float], other: tuple[float, float, float]) -> tuple[float, float]:
+    """Interval of the other's probability less the one's, each with an interval of its own: value, low, high.
+
+    Newcombe's square-and-add (Statistics in Medicine 1998), for estimates that are independent.
+    """
+    (p, p_low, p_high), (q, q_low, q_high) = one, other
+    return q - p - math.hypot(q - q_low, p_high - p), q - p + math.hypot(q_high - q, p - p_low)
 
 
 def certificates(results: Results, study: CertificateStudy) -> dict[str, Certified | None]:

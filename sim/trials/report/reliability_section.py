@@ -64,6 +64,8 @@ def probability_words(p: Probability) -> str:
 
 def beta_words(one: Reliability) -> str:
     """The distance of the nearest fall, in words."""
+    if not one.found.nearest.tried:
+        return "nearest fall not searched for"
     if not one.found.nearest.modes:
         return "no fall found"
     if one.found.beta == 0.0:

@@ -1,0 +1,113 @@
+"""Checks of a plan's study of the nearest fall: under other seeds (--repeat), against plain draws (--check-crude)."""
+
+import re
+from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.commands.campaign import run_campaign
+from sim.errors import UserError
+from sim.settings import flags
+
+if TYPE_CHECKING:
+    from sim.trials.plan import Plan, ReliabilityStudy
+    from sim.trials.report.reliability_findings import ReliabilityFindings
+
+
+def add_checks(parser: flags.Parser) -> None:
+    """Add the options of both checks."""
+    text = "the plan's [[reliability]] study under INT seeds, each in DIR/seed-K, and the spread of its distance"
+    parser.add_argument("--repeat", type=flags.whole(2), metavar="INT", help=text)
+    text = "the [[reliability]] study against INT plain draws, in DIR/crude-INT: nearest fall and share of falls"
+    parser.add_argument("--check-crude", type=flags.whole(10), metavar="INT", help=text)
+
+
+def repeat(plan: "Plan", out: Path, found: Namespace) -> int:
+    """Run a plan's study under several seeds, from the plan's own on, and print how far they differ; the exit code.
+
+    Raises:
+        UserError: the plan has no such study; as `run_campaign`.
+    """
+    from sim.trials.report.reliability_checks import repeats
+
+    plan = _only(plan)
+    seeds = range(plan.seed, plan.seed + found.repeat)
+    each = []
+    for seed in seeds:
+        folder = out / f"seed-{seed}"
+        code = run_campaign(replace(plan, name=f"{plan.name}, seed {seed}", seed=seed), folder, found)
+        if code:
+            return code
+        each.append(_findings(folder)[1])
+    for one in repeats(seeds, each):
+        print("\n".join(one.lines))
+    return 0
+
+
+def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
+    """Compare a plan's study with plain draws and print both; the exit code.
+
+    A study whose results are in the folder is not run again, whatever else its plan holds.
+
+    Args:
+        plan: The plan.
+        out: Folder of its results.
+        found: Options; `controllers` says which to compare.
+
+    Raises:
+        UserError: the plan has no such study; as `run_campaign`.
+    """
+    from sim.trials.report.reliability_checks import crude_checks
+    from sim.trials.run import Results
+    from sim.trials.run.recall import open_results
+
+    plan = _only(plan)
+    if not _is_there(plan, out):
+        code = run_campaign(plan, out, found)
+        if code:
+            return code
+    theirs = _findings(out)[1]
+    study = plan.reliability[0]
+    crude = replace(study, name=f"{study.name} crude", draws=found.check_crude, rays=0, scales=(), modes=0, pairs=())
+    plain = replace(plan, name=f"{plan.name}, plain draws", reliability=(crude,))
+    which = "-" + "-".join(plan.controllers) if found.controllers is not None else ""
+    folder = out / re.sub(r"[^\w.-]", "_", f"crude-{found.check_crude}{which}")
+    code = run_campaign(plain, folder, found)
+    if code:
+        return code
+    there, store = open_results(folder)
+    with store:
+        checks = crude_checks(theirs, Results(plan=there, store=store), there.reliability[0])
+    for one in checks:
+        print("\n".join(one.lines))
+    return 0
+
+
+def _only(plan: "Plan") -> "Plan":
+    if not plan.reliability:
+        raise UserError(f"plan {plan.name!r}: has no [[reliability]] study; --repeat and --check-crude need one")
+    return replace(plan, grid=(), margin=(), montecarlo=(), certificate=(), reliability=plan.reliability[:1])
+
+
+def _is_there(plan: "Plan", out: Path) -> bool:
+    """Whether a folder holds the whole study for all controllers of a plan."""
+    from sim.trials.plan.plan import differences
+    from sim.trials.run.folder import FILE
+
+    if not (out / FILE).is_file():
+        return False
+    there, found = _findings(out)
+    same = not differences(_only(there), replace(plan, controllers=there.controllers))
+    return same and {one.controller for one in found.each} >= {*plan.controllers}
+
+
+def _findings(folder: Path) -> tuple["Plan", "ReliabilityFindings"]:
+    from sim.trials.report.reliability_findings import reliability_findings
+    from sim.trials.run import Results
+    from sim.trials.run.recall import open_results
+
+    plan, store = open_results(folder)
+    with store:
+        study: ReliabilityStudy = plan.reliability[0]
+        return plan, reliability_findings(Results(plan=plan, store=store), study)
