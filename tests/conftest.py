@@ -90,4 +90,4 @@ def walking_states(gait: Gait, model: WalkerModel) -> Callable[..., States]:
 @pytest.fixture(autouse=True)
 def no_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a slow machine a command would say that it goes on, where a test counts lines."""
-    monkeypatch.setattr("sim.terminal.pulse.EVERY", 3600.0)
+    monkeypatch.setattr("sim.terminal.pulse.SILENCES", (3600.0,))

@@ -34,6 +34,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(ROOT))
 
 import robots  # noqa: E402
+from spoken import spoken  # noqa: E402
 
 from sim import cli  # noqa: E402
 from sim.runner.nursery import nursery  # noqa: E402
@@ -43,8 +44,6 @@ LATEST = 20 * SECONDS  # [s] of wall time, on a busy machine
 LATE = f"more than {SECONDS} s, or {LATEST} s of wall time"
 RABBIT = ROOT / "models" / "rabbit"
 KINDS = ("urdf", "mjcf", "xacro", "gait", "scenario", "plan", "plant", "import")
-
-SIGN_OF_LIFE = re.compile(r"cmpc [a-z ]+: \d+ s")  # on stderr, of a command that takes its time
 
 PLAN = """\
 name = "small"
@@ -190,7 +189,7 @@ def verdict(code: int, err: str) -> str:
     """What is wrong with an outcome, empty for nothing."""
     if "Traceback" in err or code not in (0, 1, 2):
         return f"exit code {code}"
-    lines = [line for line in err.splitlines() if line.strip() and not SIGN_OF_LIFE.fullmatch(line.strip())]
+    lines = spoken(err)
     if code == 2 and not (len(lines) == 1 and lines[0].startswith("cmpc: error:")):
         return f"{len(lines)} lines"
     foreign = [line for line in lines if code != 2 and not line.startswith("cmpc: ") and "rad" not in line]

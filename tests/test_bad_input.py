@@ -6,6 +6,7 @@ import sys
 
 import pytest
 from conftest import RABBIT, ROOT
+from spoken import spoken
 
 from sim import cli
 
@@ -171,4 +172,5 @@ def test_the_installed_program_says_it_in_one_line(tmp_path):
         cwd=tmp_path,
     )
     assert done.returncode == 2 and done.stdout == "", done.stderr
-    assert done.stderr.count("\n") == 1 and "paper.toml" in done.stderr
+    (line,) = spoken(done.stderr)
+    assert "paper.toml" in line

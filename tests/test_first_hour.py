@@ -256,7 +256,7 @@ def test_a_walker_beside_needs_no_dot(tmp_path, monkeypatch):
 
 
 def test_silence_is_broken_by_what_and_how_long(capsys, monkeypatch):
-    monkeypatch.setattr("sim.terminal.pulse.EVERY", 0.05)
+    monkeypatch.setattr("sim.terminal.pulse.SILENCES", (0.05,))
     pulse = Pulse()
     with pulse.beating("cmpc gait check"):
         time.sleep(0.3)
@@ -268,7 +268,7 @@ def test_silence_is_broken_by_what_and_how_long(capsys, monkeypatch):
 
 
 def test_a_bar_in_a_pipe_says_its_words_now_and_then(capsys, monkeypatch):
-    monkeypatch.setattr("sim.terminal.pulse.EVERY", 0.05)
+    monkeypatch.setattr("sim.terminal.pulse.SILENCES", (0.05,))
     with progress_bar("mapping", "cells", quiet=False) as update:
         update(3, 10)
         time.sleep(0.2)

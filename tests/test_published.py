@@ -204,9 +204,10 @@ def test_check_sees_everything_that_moves(capsys, tmp_path, model, old, new, nam
     mjcf = folder / "mine.xml"
     assert old in mjcf.read_text()
     mjcf.write_text(mjcf.read_text().replace(old, new))
-    code, out, _ = run(capsys, "walker", "check", folder)
+    code, out, err = run(capsys, "walker", "check", folder)
     failed = [line for line in out.splitlines() if line.startswith("FAIL")]
     assert code == 1 and any(name in line and words in line for line in failed), out
+    assert err.startswith("the walker fails its check; ") and name in err and words in err
 
 
 @pytest.mark.parametrize(

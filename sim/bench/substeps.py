@@ -13,7 +13,7 @@ from sim.scenario import load
 STEPS = 1200  # of each try, 0.3 s of an undisturbed start
 TRIES = 5
 PER_TICK = 4
-SECONDS = {"s": 1.0, "ms": 1e-3}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
 def four_substeps() -> float:

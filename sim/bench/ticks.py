@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from controller.common.settings import BUILT_IN
 from sim.bench.figure import Figure
+from sim.bench.outside import outside_path
 from sim.bench.processes import memory, start_up
 from sim.bench.substeps import four_substeps, in_substeps
 from sim.bridge.run import ComparingSolver, compare_solvers, exact_clarabel, make_solver, run_scenario
@@ -57,6 +59,7 @@ def benchmark(*, quick: bool, say: Say) -> list[Figure]:
         ltv_ticks,
         plan_ticks,
         rival_ticks,
+        outside_path,
         real_time,
         start_up,
         memory,
@@ -156,7 +159,7 @@ def rival_ticks(steps: int) -> list[Figure]:
 
 
 def ticks_of(kind: str, *, quick: bool) -> list[Figure]:
-    """Ticks of one controller, from outside perhaps, over the four runs.
+    """Ticks of one controller over the four runs; of one from outside also what the way to it costs.
 
     Raises:
         UserError: it broke.
@@ -169,7 +172,8 @@ def ticks_of(kind: str, *, quick: bool) -> list[Figure]:
     quantiles = np.quantile(1e3 * np.array(tape.seconds), [0.5, 0.99, 0.999]).tolist()
     names = ("median", "99 %", "99.9 %")
     figures = [Figure(name=f"tick, {name}", value=ms, unit="ms") for name, ms in zip(names, quantiles, strict=True)]
-    return [*figures, Figure(name="ticks", value=float(len(tape.seconds)), unit="")]
+    figures.append(Figure(name="ticks", value=float(len(tape.seconds)), unit=""))
+    return figures if kind in BUILT_IN else [*figures, *outside_path(steps)]
 
 
 def _tick_quantiles(kind: str, steps: int) -> tuple[float, float, float]:

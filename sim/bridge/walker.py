@@ -21,6 +21,7 @@ from sim.walkers import WalkerFolder
 STATES = 50
 AGREEMENT = 1e-6  # relative
 STEPS = 30
+FIRST_CAUSE = "first cause of it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +101,7 @@ def _agreement(folder: WalkerFolder, model: WalkerModel) -> Iterator[Stage]:
             holds=value <= AGREEMENT,
         )
     if any(value > AGREEMENT for value in worst.values()):
-        yield Stage(name="first cause of it", found=_first_cause(model, plant), holds=False)
+        yield Stage(name=FIRST_CAUSE, found=_first_cause(model, plant), holds=False)
     yield from _joints(model, plant)
 
 

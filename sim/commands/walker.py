@@ -95,7 +95,7 @@ def _show(rows: Sequence[Any]) -> None:
 
 
 def _check(found: Namespace) -> int:
-    from sim.bridge.walker import check_walker
+    from sim.bridge.walker import FIRST_CAUSE, check_walker
 
     lines: list[dict[str, Any]] = []
 
@@ -105,10 +105,12 @@ def _check(found: Namespace) -> int:
             print(f"{'ok  ' if stage.holds else 'FAIL'}  {stage.name}: {stage.found}", flush=True)
 
     passed = check_walker(found.walker, steps=found.steps, say=show)
+    failed = [line for line in lines if not line["holds"]]
+    first = next((line for line in failed if line["name"] == FIRST_CAUSE), failed[0] if failed else None)
     if found.json:
-        print(json.dumps({"passed": passed, "stages": lines}))
-    elif not passed:
-        print("the walker fails its check", file=sys.stderr)
+        print(json.dumps({"passed": passed, "stages": lines, "first_cause": first}))
+    elif first:
+        print(f"the walker fails its check; {first['name']}: {first['found']}", file=sys.stderr)
     else:
         next_step(f"cmpc run undisturbed --walker {found.walker}")
     return 0 if passed else 1

@@ -2,6 +2,7 @@
 
 import io
 import re
+import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -79,10 +80,15 @@ def picture(
 
 def _svg(figure: Any, description: str, titles: Mapping[str, str]) -> "Markup":
     from markupsafe import Markup, escape
+    from matplotlib.text import Text
 
     text = io.StringIO()
     empty: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    figure.savefig(text, format="svg", transparent=True, metadata=empty)
+    for words in figure.findobj(Text):
+        words.set_text("".join(c if c.isprintable() or c == "\n" else " " for c in words.get_text()))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)  # shown as a box
+        figure.savefig(text, format="svg", transparent=True, metadata=empty)
     out = text.getvalue()[text.getvalue().index("<svg") :].replace(INK, "currentColor")
     out = re.sub(r"<metadata>.*?</metadata>", "", out, flags=re.DOTALL)
     out = re.sub(r"(<svg[^>]*?)>", rf"\1 role='img'><title>{escape(description)}</title>", out, count=1)

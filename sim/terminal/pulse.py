@@ -1,8 +1,9 @@
 """A sign of life: what takes longer than a moment says what it does and for how long, on stderr.
 
-On a terminal one line that is written over and vanishes; elsewhere a line now and then.
+On a terminal one line that is written over and vanishes; elsewhere a line after 2, 5, 10, 20 and 30 s, then every 30 s.
 """
 
+import itertools
 import sys
 import threading
 import time
@@ -10,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 FIRST = 2.0  # [s] of silence before the first sign on a terminal
-EVERY = 10.0  # [s] before the first line, and between lines, where stderr is no terminal
+SILENCES = (2.0, 3.0, 5.0, 10.0, 10.0, 30.0)  # [s] before each line where stderr is no terminal; the last one again
 BLINK = 1.0  # [s] between two states of the line on a terminal
 
 
@@ -72,14 +73,15 @@ class Pulse:
                 print("\r\x1b[2K", end="", file=sys.stderr, flush=True)
 
     def _beat(self, over: threading.Event) -> None:
-        wait = FIRST if sys.stderr.isatty() else EVERY
+        silences = itertools.chain(SILENCES, itertools.repeat(SILENCES[-1]))
+        wait = FIRST if sys.stderr.isatty() else next(silences)
         while not over.wait(min(wait, BLINK)):
             terminal = sys.stderr.isatty()
             with self._lock:
                 if self._hushed or time.perf_counter() - self._spoke < wait:
                     continue
                 self._say(terminal)
-            wait = BLINK if terminal else EVERY
+            wait = BLINK if terminal else next(silences)
 
     def _say(self, terminal: bool) -> None:
         took = f"{time.perf_counter() - self._began:.0f} s"
