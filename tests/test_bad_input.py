@@ -1,5 +1,6 @@
 """Bad input end to end: one line that names the thing, exit code 2, no traceback, nothing lost."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -163,12 +164,13 @@ def test_a_scenario_file_that_can_not_be(capsys, tmp_path, content):
 def test_the_installed_program_says_it_in_one_line(tmp_path):
     """As a user meets it: a process of its own, exit code 2, one line on stderr, nothing on stdout."""
     edit(tmp_path / "walker" / "rabbit" / "gaits" / "paper.toml", "3.66", "nan")
+    kept = {name: os.environ[name] for name in {"NUMBA_CACHE_DIR"} & set(os.environ)}
     done = subprocess.run(
         [sys.executable, "-m", "sim", "run", *walker()],
         capture_output=True,
         text=True,
         check=False,
-        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"},
+        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", **kept},
         cwd=tmp_path,
     )
     assert done.returncode == 2 and done.stdout == "", done.stderr
