@@ -119,10 +119,9 @@ def _joints(model: WalkerModel, plant: Mechanics) -> Iterator[Stage]:
         ("lower stops (range)", model.low, its.low, "rad"),
         ("upper stops (range)", model.high, its.high, "rad"),
     ):
-        hips, knees = (f"{_pair(belief[k : k + 2])} and {_pair(truth[k : k + 2])}" for k in (0, 2))
         yield Stage(
             name=f"MJCF and URDF agree: {name}",
-            found=f"hips {hips}, knees {knees} {unit}".rstrip(),
+            found=f"{_joints_of(belief, truth)} {unit}".rstrip(),
             holds=bool(np.allclose(belief, truth, rtol=AGREEMENT, atol=AGREEMENT)),
         )
     usual = PlantSettings().timestep
@@ -134,6 +133,12 @@ def _joints(model: WalkerModel, plant: Mechanics) -> Iterator[Stage]:
     if plant.base:
         words = ", ".join(f"{what} {value:g}" for what, value in plant.base.items())
         yield Stage(name="MJCF's base is free", found=words, holds=False)
+
+
+def _joints_of(belief: Vector, truth: Vector) -> str:
+    """What stands in the URDF and in the MJCF, hips and knees, (4,) each."""
+    hips, knees = (f"{_pair(belief[k : k + 2])} and {_pair(truth[k : k + 2])}" for k in (0, 2))
+    return f"hips {hips}, knees {knees}"
 
 
 def _pair(values: Vector) -> str:
@@ -157,8 +162,7 @@ def _first_cause(model: WalkerModel, plant: Mechanics) -> str:
             if abs(belief - truth) > AGREEMENT * max(abs(belief), abs(truth)) + 1e-12:
                 return f"{name}: {what} {belief:g} {unit} in the URDF, {truth:g} {unit} in the MJCF"
     if not np.allclose(model.joints.rotor, plant.joints.rotor, rtol=AGREEMENT):
-        rotors = ", ".join(f"{x:g}" for x in plant.joints.rotor)
-        return f"rotor inertia (armature) {rotors} kg m^2 in the MJCF, {model.joints.rotor.tolist()} in the URDF"
+        return f"rotor inertia (armature): {_joints_of(model.joints.rotor, plant.joints.rotor)} kg m^2"
     return "an axis, a frame's rotation or a foot's place"
 
 
