@@ -1,5 +1,6 @@
 """What any controller could hold: the model is the belief's, the walk found obeys it, and bad questions are refused."""
 
+import dataclasses
 import subprocess
 import sys
 
@@ -128,6 +129,9 @@ def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
     pushed = with_values(Scenario(), {"pushes": [{"force": -1.0, "step": 1}]})
     assert limits.beside(pushed, "pushes.0.force", -1) == limits.rows[0]
     assert limits.beside(pushed, "pushes.0.force", 1) is None
+    doubted = dataclasses.replace(found, meshes={8: found.value, 16: 0.8 * found.value}, value=0.8 * found.value)
+    assert found.trusted and not doubted.trusted and doubted.sure.startswith("not to be trusted: ")
+    assert limits.with_row(doubted.record()).beside(pushed, "pushes.0.force", -1) is None
     whole = path.read_text()
     for line, other in ((f"value = {row['value']}", "value = nan"), ("unit = ", "other = "), ("words = ", "other = ")):
         path.write_text(whole.replace(line, other))
@@ -152,6 +156,8 @@ def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
         ("push-back --intervals 2", "--intervals"),
         ("--all --step 2", "left out of --all"),
         ("--all --blind 0.1", "left out of --all"),
+        ("push-back --controller nosuch", "--controller nosuch, --blind 0 s"),
+        ("push-back --controller nosuch --blind 0.1", "controller.kind = 'nosuch'"),
     ],
 )
 def test_a_bad_question_is_one_line(words, said, capsys):
@@ -175,6 +181,7 @@ def test_python_asks_as_the_command_does():
         ("push-back", {"seconds": float("nan")}, "--for nan s"),
         ("push-back", {"intervals": ()}, "--intervals"),
         ("push-back", {"starts": 0}, "--starts 0"),
+        ("push-back", {"blind": 0.1}, "--controller none, --blind 0.1 s"),
     ],
 )
 def test_python_refuses_a_bad_question(axis, keywords, said):

@@ -9,6 +9,7 @@ from controller.belief import Gait, WalkerModel
 from controller.common.errors import UserError
 from controller.limit.walk import Bounds, Kind, Motion, Phase
 
+APART = 0.1  # of the value, up to which meshes agree about it
 IMPULSE_TIME = 0.01  # [s] over which an impulse is delivered, as in a scenario
 
 
@@ -193,6 +194,11 @@ class Question:
             raise UserError(f"--for: says how long a push lasts; {self.axis} has no duration")
         if self.blind and (self.what.kind != "push" or self.step != 1 or self.pushed_time is not None):
             raise UserError(f"--blind: needs a push through step 1; not {self.words()}")
+        if bool(self.controller) != bool(self.blind):
+            raise UserError(
+                f"--controller {self.controller or 'none'}, --blind {self.blind:g} s: are which controller walks without "
+                "knowing, and for how long; must be both or neither"
+            )
         if not 0.15 < self.longest <= 5.0:
             raise UserError(f"--longest-step {self.longest:g} s: must be above 0.15 and up to 5 s")
 
@@ -246,11 +252,22 @@ class Answer:
         """How sure it is, in words."""
         if self.at_bound:
             return "no limit: the search ran into its own bound"
+        if not self.trusted:
+            return f"not to be trusted: {self._found}"
+        return f"a local optimum: {self._found}"
+
+    @property
+    def trusted(self) -> bool:
+        """Whether meshes agree about it, by the share `APART`; one mesh alone is believed."""
+        return not self.at_bound and self.spread <= APART * abs(self.value)
+
+    @property
+    def _found(self) -> str:
         tried = len(self.starts)
         share = self.spread / max(abs(self.value), 1e-9)
         meshes = " -> ".join(f"{value:.4g}" for value in self.meshes.values())
         return (
-            f"a local optimum: {self.agree} of {tried} starts lead there; meshes of "
+            f"{self.agree} of {tried} starts lead there; meshes of "
             f"{', '.join(map(str, self.meshes))} intervals give {meshes} ({100 * share:.1f} % apart)"
         )
 
@@ -263,6 +280,7 @@ class Answer:
             "value": round(self.value, 6),
             "unit": question.what.unit,
             "at_bound": self.at_bound,
+            "trusted": self.trusted,
             "sure": self.sure,
             "meshes": [list(pair) for pair in self.meshes.items()],
             "starts": ["none" if value is None else f"{value:.4g}" for value in self.starts],

@@ -78,7 +78,7 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     parser.add_argument("--starts", type=flags.whole(1), default=3, metavar="INT", help="guesses (default: 3)")
     text = "first that long under a controller that does not know; --controller says which"
     parser.add_argument("--blind", type=flags.real(above=0.0, most=1.0), default=0.0, metavar="s", help=text)
-    parser.add_argument("--controller", default="zd-pd", metavar="KIND", help="default: zd-pd")
+    parser.add_argument("--controller", metavar="KIND", help="of --blind (default: zd-pd)")
     parser.add_argument("--out", metavar="FILE.toml", help="file of limits; rows of other questions in it are kept")
     parser.add_argument("--log", metavar="RUN.mcap", help="walk nine tenths of a push into a log")
     text = "plant of that walk (default: rigid)"
@@ -177,7 +177,7 @@ def _questions(found: Namespace) -> list[Any]:
             intervals=intervals,
             starts=found.starts,
             blind=found.blind,
-            controller=found.controller,
+            controller=found.controller or ("zd-pd" if found.blind else ""),
         )
         for axis, step in wanted
     ]

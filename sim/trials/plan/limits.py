@@ -76,7 +76,7 @@ class Limits:
         """
         name, step = _asked(scenario, path, sign)
         rows = [row for row in self.rows if row["axis"] == name and row["step"] == step]
-        rows = [row for row in rows if not row["at_bound"] and "seconds" not in row and "blind" not in row]
+        rows = [row for row in rows if row.get("trusted", not row["at_bound"]) and not {"seconds", "blind"} & {*row}]
         mu = scenario.plant.ground.friction
         return min(rows, key=lambda row: abs(row["friction"] - mu), default=None)
 
