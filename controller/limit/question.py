@@ -196,8 +196,8 @@ class Question:
             raise UserError(f"--blind: needs a push through step 1; not {self.words()}")
         if bool(self.controller) != bool(self.blind):
             raise UserError(
-                f"--controller {self.controller or 'none'}, --blind {self.blind:g} s: are which controller walks without "
-                "knowing, and for how long; must be both or neither"
+                f"--controller {self.controller or 'none'}, --blind {self.blind:g} s: are who walks without knowing, "
+                "and for how long; must be both or neither"
             )
         if not 0.15 < self.longest <= 5.0:
             raise UserError(f"--longest-step {self.longest:g} s: must be above 0.15 and up to 5 s")

@@ -14,6 +14,8 @@ from controller.common.settings import PlanSettings
 from controller.ltv.cascade import LtvCascade
 from controller.ltv.orbit import nominal_rate
 from controller.observer import PushObserver
+from controller.plan.dynamics import stance_force
+from controller.plan.forecast import Forecast
 from controller.plan.planner import Planner
 from controller.plan.start import links, plan_of_gait, world
 
@@ -74,6 +76,7 @@ class PlanCascade(Law):
         total = kept * np.clip(state.leg.from_body(step.u_total), -limit, limit) + own * u
         forward = kept * state.leg.from_body(step.u_zd) + own * planned
         left = round(self.planner.left / self._period)
+        lost = self.planner.made and own > 0.0 and not self.planner.found
         return self.held(
             replace(
                 step,
@@ -82,7 +85,10 @@ class PlanCascade(Law):
                 u_mpc=state.leg.from_body(total - forward),
                 impact_in=left if own > 0.0 else step.impact_in,
                 solve_s=self.planner.solve_s if own == 1.0 or self.planner.made else step.solve_s,
-                contact_force=self.model.stance_force(state.q, state.dq, total)[0],
+                contact_force=stance_force(believed, x, total),
+                fallback=lost or step.fallback,
+                status=Status.PREDICTION_DIVERGED if lost else step.status,
+                plan=self._forecast(x) if own == 1.0 else step.plan,
                 diagnostics=self._diagnostics(off),
             )
         )
@@ -105,8 +111,7 @@ class PlanCascade(Law):
         """Move the share towards the plan or the gait."""
         settings = self.settings
         self._quiet = self._quiet + self._period if off < settings.calm else 0.0
-        figures = self.planner.figures
-        if figures is not None and not figures.found:
+        if not self.planner.found:
             self._wanted = False  # the one fall-back: the law on the gait
         elif off > 1.0:
             self._wanted = True
@@ -123,6 +128,16 @@ class PlanCascade(Law):
     def _on_the_gait(self, observation: Observation) -> ControlStep:
         self.calm.stance = self.stance
         return self.calm.step(observation)
+
+    def _forecast(self, x: Vector) -> Forecast:
+        """What the plan followed leads to from a state."""
+        return Forecast(
+            followed=self.planner.followed,
+            gait=self.loop.gait,
+            limit=self.model.torque_limits,
+            period=self._period,
+            x=x,
+        )
 
     def _outputs(self, state: StanceState) -> ControlStep:
         """A step without torque: what the log says of the gait."""

@@ -160,6 +160,14 @@ def accelerate(world: World, x: Array, u: Array, stage: kernels.Stage, linearise
 
 
 @compiled
+def stance_force(world: World, x: Array, u: Array) -> Array:
+    """The ground's force on the stance foot, (tangential, normal) to the horizontal in [N], (2,)."""
+    rates = new_rates()
+    accelerate(world, x, u, kernels.new_stage(), False, rates)
+    return rates.force
+
+
+@compiled
 def advance(world: World, u: Array, h: float, stage: kernels.Stage, start: Rates, rest: Rates, x: Array) -> None:
     """One step of the classical Runge-Kutta method under a held torque, in place.
 

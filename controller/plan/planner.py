@@ -1,6 +1,7 @@
 """The planner in simulated time: when it looks, what it starts from, when its answer is used."""
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,6 +64,25 @@ def look_ahead(
         advance(world, u, period, stage, rates, rates, x)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Followed:
+    """A plan as it is followed at a tick.
+
+    Attributes:
+        world: Walker, push and ground that it was made for.
+        plan: The motion planned.
+        K: Feedback about it, (N, 4, nz).
+        since: It began in [s].
+        expected: State that it expects now, (10,).
+    """
+
+    world: World
+    plan: Motion
+    K: Array
+    since: float
+    expected: Vector
+
+
 class Planner:
     """Keeps a plan, follows it, and makes a new one now and then; a plan is used `delay` after what it starts from.
 
@@ -94,13 +114,26 @@ class Planner:
         self._elapsed = 0  # ticks since the step began
         self._waiting = -1  # ticks until the plan made is used
         self._expected = self._plan.x[0].copy()
+        self._before = self._expected  # what the plan expected in the last tick
         self._next = 0
         self.made, self.solve_s = False, 0.0
+
+    @property
+    def found(self) -> bool:
+        """Whether the last plan made is one."""
+        return self.figures is None or self.figures.found
 
     @property
     def left(self) -> float:
         """Time this step has left in [s]."""
         return max(float(self._plan.T[0]) - self._ticks * self._period, 0.0)
+
+    @property
+    def followed(self) -> Followed:
+        """The plan followed in the last tick; copies, since the plan goes on."""
+        plan = Motion(*(a.copy() for a in self._plan))
+        since = (self._ticks - 1) * self._period
+        return Followed(world=self._used, plan=plan, K=self._K.copy(), since=since, expected=self._before)
 
     @property
     def landing(self) -> Vector:
@@ -133,7 +166,7 @@ class Planner:
             self._make(x, world)
             if self._delay == 0:
                 self._use()
-        u = np.empty(N_U)
+        u, self._before = np.empty(N_U), self._expected.copy()
         planned = self._plan.u[_interval(self._plan, self._ticks * self._period)].copy()
         act(
             self._used, self._plan, self._K, self.price.limit, self._ticks * self._period, self._period, x,
@@ -167,7 +200,7 @@ class Planner:
     def _use(self) -> None:
         """Follow the plan made."""
         self._waiting = -1
-        if self.figures is None or not self.figures.found:
+        if not self.found:
             return
         _copy(self._making.plan, self._plan)
         self._K[:] = self._making.K
