@@ -124,7 +124,7 @@ def test_impacts_agree(rigid: RigidPlant) -> None:
     for _ in range(100):
         q, dq = rng.uniform(-np.pi, np.pi, 5), rng.uniform(-5, 5, 5)
         rigid.reset(q, dq, "left")
-        rigid._land(0.0)
+        rigid._walker.land(0.0)
         assert rigid.impact is not None
         rates.append((in_stance_order(rigid.impact.dq_after, 1), model.impact(q, dq)[1]))
     assert worst(rates) < 1e-9

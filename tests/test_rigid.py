@@ -15,7 +15,7 @@ from sim.errors import PlantDiverged, UserError
 from sim.interface import AppliedForce
 from sim.plant import RigidPlant
 from sim.scenario import GroundSettings, PlantSettings
-from sim.scenario.per_link import BodyFactors, JointFactors, JointTorques
+from sim.scenario.per_link import BodyFactors, JointFactors
 from sim.scenario.plant import Ramp
 
 RABBIT = Path(__file__).parents[1] / "models" / "rabbit" / "rabbit.xml"
@@ -287,8 +287,6 @@ def test_bad_input_is_named() -> None:
         plant.hold(np.array([np.nan, 0, 0, 0]))
     with pytest.raises(UserError, match='body = "head"'):
         plant.hold(REST, [AppliedForce(body="head", point=(0, 0), force=(1, 0))])
-    with pytest.raises(UserError, match=r"plant\.joint_friction"):
-        make(joint_friction=JointTorques(left_hip=1.0))
     with pytest.raises(UserError, match="timestep"):
         make(timestep=0.3e-3)
 

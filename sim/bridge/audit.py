@@ -17,13 +17,12 @@ import numpy as np
 from sim.bridge.run import build_rig
 from sim.bridge.steadiness import Steadiness, Steady
 from sim.errors import UserError
-from sim.interface import JOINTS, ControlStep, Observation, PlantState, Vector
+from sim.interface import JOINTS, LEGS, ControlStep, Observation, PlantState, Vector
 from sim.loop import RunSummary, Stop, Tapes
 from sim.loop.tape import EachTick
 from sim.plant import Energy, MujocoPlant, RigidPlant
-from sim.plant import rigid_equations as equations
+from sim.plant.rigid_equations import SLIDING
 from sim.plant.rigid_walker import PinnedWalker
-from sim.plant.rows import FORCE
 from sim.scenario import Scenario
 
 SETTLING = 0.02  # [s] after an impact, in which forces and penetration are those of the impact
@@ -104,7 +103,7 @@ class Audit(EachTick):
         self._data = mujoco.MjData(model)  # of its own, for energies and impact maps
         self._energies = Energy(model, self._data)
         self._joints = [int(model.jnt_dofadr[model.joint(name).id]) for name in JOINTS]
-        self._damping = np.array(model.dof_damping)
+        self._damping, self._friction = np.array(model.dof_damping), np.array(model.dof_frictionloss)
         self._h = float(model.opt.timestep)
         self._before: tuple[Vector, Vector] | None = None  # velocity at the start of a step, its pushes
         self._impacts = [0.0]  # [s]; the start counts as one
@@ -210,11 +209,11 @@ class Audit(EachTick):
 
     def _rigid_impulse(self, state: PlantState, stance: int) -> Vector:
         """What a rigid impact would do now in [N.s], (2,)."""
-        walker = PinnedWalker(self._plant.model, self._data, self._plant.legs, np.zeros(0, FORCE))
+        walker = PinnedWalker(self._plant.model)
         walker.leg = stance
         walker.foothold[:] = state.foot[stance]
         walker.q[:], walker.dq[:] = state.q, state.dq
-        _, impulse, _ = walker.strike()
+        impulse: Vector = walker.land(state.t)["impulse"][0]
         return impulse
 
     def _between(self, then: PlantState, now: PlantState) -> None:
@@ -238,17 +237,17 @@ class Audit(EachTick):
             e.contact -= self._kinetic(impact.q, impact.dq, impact.stance)
             other = "right" if impact.stance == "left" else "left"
             e.contact += self._kinetic(impact.q, impact.dq_after, other)
-        damping = self._damping[self._joints]
+        damping, friction = self._damping[self._joints], self._friction[self._joints]
         for t0, dq0, t1, dq1 in pieces:
             a, b = dq0[: len(JOINTS)], dq1[: len(JOINTS)]
+            e.contact -= 0.5 * float(friction @ (a * np.tanh(a / SLIDING) + b * np.tanh(b / SLIDING))) * (t1 - t0)
             e.damping -= float(damping @ (a * a + a * b + b * b)) * (t1 - t0) / 3.0  # rates straight in between
 
     def _kinetic(self, q: Vector, dq: Vector, stance: str) -> float:
         """Kinetic energy of the walker pinned at a foot in [J]."""
-        walker = PinnedWalker(self._plant.model, self._data, self._plant.legs, np.zeros(0, FORCE))
-        walker.leg = ("left", "right").index(stance)
-        equations.place(walker.work, q, dq)
-        return self._energies.now()[1]
+        legs, leg = self._plant.legs, LEGS.index(stance)
+        dhip = -np.array(legs.feet_velocity(q.tolist(), dq.tolist())[leg])
+        return self._energies.kinetic(q, dq, -legs.foot(q, leg), dhip)
 
     def _point(self, state: PlantState, body: str, point: tuple[float, float]) -> Vector:
         """Where a point of a link is, (x, z) in [m]."""

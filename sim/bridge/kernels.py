@@ -37,7 +37,7 @@ TOPS = {
     "clf-qp": ("controller.rivals.output_dynamics:output_dynamics",),
     "output-mpc": ("controller.rivals.output_dynamics:output_dynamics",),
     "mujoco": ("sim.plant.mujoco_kernels:move",),
-    "rigid": ("sim.plant.rigid_kernels:hold",),
+    "rigid": ("sim.plant.rigid_kernels:move",),
 }
 """The kernels that are compiled last for a law or a plant."""
 

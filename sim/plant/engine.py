@@ -24,17 +24,8 @@ def _library() -> Path:
 
 llvm.load_library_permanently(str(_library()))
 
-_model = _data = _array = types.intp  # addresses
+_model = _data = types.intp  # addresses
 mj_step: Any = types.ExternalFunction("mj_step", types.void(_model, _data))
-mj_kinematics: Any = types.ExternalFunction("mj_kinematics", types.void(_model, _data))
-mj_comPos: Any = types.ExternalFunction("mj_comPos", types.void(_model, _data))
-mj_makeM: Any = types.ExternalFunction("mj_makeM", types.void(_model, _data))
-mj_fullM: Any = types.ExternalFunction("mj_fullM", types.void(_model, _data, _array))
-mj_comVel: Any = types.ExternalFunction("mj_comVel", types.void(_model, _data))
-mj_rne: Any = types.ExternalFunction("mj_rne", types.void(_model, _data, types.int32, _array))
-mj_applyFT: Any = types.ExternalFunction(
-    "mj_applyFT", types.void(_model, _data, _array, _array, _array, types.int32, _array)
-)
 
 
 @intrinsic

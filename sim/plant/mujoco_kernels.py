@@ -12,13 +12,10 @@ from numba import carray
 
 from controller.common.compiled import Array, compiled, nested
 from sim.plant.engine import mj_step, pointer, whole_pointer
-from sim.plant.rows import COS, INTERCEPT, SIN, facet_under
+from sim.plant.rows import COS, DIVERGED, FINE, INTERCEPT, NO_TORQUE, SIN, facet_under
 
 TORSO = 4
 WARNING_STRIDE = 2  # whole numbers from one kind of MuJoCo's warnings to the next: its last detail, its number
-FINE, DIVERGED, NO_TORQUE = range(3)
-"""How a hold ended."""
-
 WORK = np.dtype(
     [
         ("model", np.int64),  # addresses

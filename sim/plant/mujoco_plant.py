@@ -12,6 +12,7 @@ from sim.interface import COORDINATES, FEET, LINKS, Rows, Vector
 from sim.plant import mujoco_kernels as kernels
 from sim.plant.body import DETECTED_LINKS, Body, check_start, no_torque
 from sim.plant.engine import address
+from sim.plant.rows import DIVERGED, NO_TORQUE
 from sim.scenario import PlantSettings
 
 FOOTHOLD_DEPTH = 1e-6  # [m], half the depth at rest: at reset the stance foot is sensed as touching
@@ -104,9 +105,9 @@ class MujocoPlant(Body):
             PlantDiverged: the state is not finite any more, or MuJoCo warned.
         """
         end = kernels.move(self._work, step, i, self._forces, acting)
-        if end == kernels.NO_TORQUE:
+        if end == NO_TORQUE:
             raise no_torque(step[i]["u_total"])
-        if end == kernels.DIVERGED:
+        if end == DIVERGED:
             raise PlantDiverged(self._diagnosis())
 
     def _begin(self) -> None:

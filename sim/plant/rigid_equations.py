@@ -1,67 +1,72 @@
-"""The equations of the rigid plant: a pin on MuJoCo's unpinned equations of motion, and nothing else.
+"""The equations of the rigid plant: five links in a plane, turning about one foot, in closed form.
 
-MuJoCo gives M (7, 7) and the bias c (7,) of M a + c = tau + J' F. With the stance foot pinned all velocities are
-v = T(q) dq and all accelerations a = T ddq + s(q, dq), with T (7, 5) because the hip hangs on the stance foot.
-The pin does no work along T, so T' (M (T ddq + s) + c - tau) = 0 gives ddq, and the rows of the hip, which only
-the ground pushes, give F. Joint vectors (5,) are ordered as `sim.interface.COORDINATES`.
+The angles phi (5,) of the links from "up", ordered as `sim.interface.LINKS`, are what the equations are written in;
+R(phi) turns by phi, and J = dR/dphi. From the pinned foot the centre of mass of link i is at sum_j R(phi_j) c_ij, so
+that with d = phi_k - phi_j and the sums of `five_links.FiveLinks`
+
+    M_jk = along_jk cos d + cross_jk sin d + turning_jk,
+    M ddphi = forces + sum_k (along_jk sin d - cross_jk cos d) dphi_k^2 + (J_j moment_j) . gravity,
+
+and the ground carries what momentum and weight ask for. Outside this module joint vectors (5,) are ordered as
+`sim.interface.COORDINATES`. The truth's own arithmetic: nothing of what the controller believes is in it.
+
+Source: the plane case of Featherstone, "Rigid Body Dynamics Algorithms" (2008), chapter 6, with the recursion written
+out; the impact is Westervelt et al., "Feedback Control of Dynamic Bipedal Robot Locomotion" (2007), section 3.4.2.
 """
 
+import math
 from typing import Any
 
 import numpy as np
-from numba import carray
 from numpy.typing import NDArray
 
 from controller.common.compiled import compiled, nested
-from controller.common.products import applied
-from sim.plant.engine import pointer
 
 Array = NDArray[np.float64]
 Work = NDArray[np.void]
 """One record of `WORK`, (1,): handing over one argument costs a tenth of handing over ten."""
 
 TORSO = 4
+N = 5  # links
 STAGES = 4  # of RK4
+SLIDING = 0.05
+"""[rad/s] at which dry friction is at 76 % of its full torque: below, a joint that should stick creeps."""
 
 WORK = np.dtype(
     [
-        ("model", np.int64),  # addresses
-        ("data", np.int64),
-        ("qpos", np.int64),
+        ("qpos", np.int64),  # addresses of what a viewer looks at
         ("qvel", np.int64),
-        ("xpos", np.int64),
-        ("xmat", np.int64),
-        ("M_at", np.int64),  # of this record's own M and so on
-        ("bias_at", np.int64),
-        ("applied_at", np.int64),
-        ("pushing_at", np.int64, (3,)),
-        ("nbody", np.int64),
-        ("bodies", np.int64, (5,)),  # MuJoCo's numbers of the links
+        ("hip", np.int64, (2,)),  # places of hip x and hip z there
+        ("q", np.int64, (N,)),  # places of the five angles there
         ("capsules", float, (3, 2)),  # [m] length and thickness of torso and femurs
         ("limits", float, (4,)),  # [N.m]
         ("period", float),  # [s]
         ("substeps", np.int64),
         ("ticks", np.int64),
-        ("now", float, (10,)),  # angles and rates
+        ("landings", np.int64),  # since the start
+        ("now", float, (2 * N,)),  # angles and rates
         ("torque", float, (4,)),  # [N.m] held
         ("push", float, (2,)),  # [N] sum of the forces held
         ("force_time", float, (2, 2)),  # [N.s] ground's impulse (x, z) on each foot over the hold
-        ("pushing", float, (3, 3)),  # force, torque and point for MuJoCo
-        ("hip", np.int64, (2,)),  # addresses of hip x and hip z in MuJoCo's vectors
-        ("q", np.int64, (5,)),  # addresses of the five angles
-        ("damping", float, (7,)),  # [N.m.s/rad] of every degree of freedom
-        ("lengths", float, (2, 2)),  # [m] hip to knee and knee to foot point, a row a leg
         ("leg", np.int64),  # the pinned foot, 0 left, 1 right
         ("foothold", float, (2,)),  # [m] where it stands
-        ("M", float, (7, 7)),  # inertia matrix as MuJoCo orders it
-        ("bias", float, (7,)),  # gravity, Coriolis and centrifugal forces
-        ("applied", float, (7,)),  # generalised forces of motors and pushes
-        ("T", float, (7, 5)),  # velocity of every degree of freedom per joint rate
-        ("shift", float, (7,)),  # acceleration at ddq = 0
-        ("A", float, (5, 5)),  # reduced inertia matrix, overwritten by its factor
-        ("start", float, (12,)),  # angles, rates, and the ground's impulse (x, z) on the foot at the start of a step
-        ("y", float, (12,)),  # the same at the present stage, and at the end of the step
-        ("slopes", float, (STAGES, 12)),  # its derivatives
+        ("lengths", float, (2, 2)),  # [m] hip to knee and knee to foot point, a row a leg
+        ("mass", float),  # [kg] of all links
+        ("gravity", float, (2,)),  # [m/s^2]
+        ("damping", float, (N,)),  # [N.m.s/rad] of the joints
+        ("friction", float, (N,)),  # [N.m] of the joints
+        ("along", float, (2, N, N)),  # [kg m^2] sums of `five_links`, by the pinned leg
+        ("cross", float, (2, N, N)),
+        ("moment", float, (2, N, 2)),  # [kg m]
+        ("turning", float, (N, N)),  # [kg m^2]
+        ("sin", float, (N,)),  # of the links' angles
+        ("cos", float, (N,)),
+        ("rate", float, (N,)),  # [rad/s] of the links
+        ("M", float, (N, N)),  # inertia matrix; its lower triangle is overwritten by its factors
+        ("x", float, (N,)),  # right-hand side and solution
+        ("start", float, (2 * N + 2,)),  # angles, rates, and the ground's impulse (x, z) on the foot before a step
+        ("y", float, (2 * N + 2,)),  # the same at the present stage, and at the end of the step
+        ("slopes", float, (STAGES, 2 * N + 2)),  # its derivatives
     ],
     align=True,
 )
@@ -69,140 +74,152 @@ WORK = np.dtype(
 
 
 @nested
-def place(work: Work, q: Array, dq: Array) -> None:
-    """Write MuJoCo's position and velocity of the walker whose pinned foot rests on the foothold."""
-    w: Any = work[0]
-    qpos, qvel = carray(pointer(w.qpos), (7,)), carray(pointer(w.qvel), (7,))
-    leg = w.leg
-    femur, tibia = w.lengths[leg, 0], w.lengths[leg, 1]
-    a = q[TORSO] + q[leg]
-    b = a + q[2 + leg]
-    da = dq[TORSO] + dq[leg]
-    db = da + dq[2 + leg]
-    x, z = w.hip[0], w.hip[1]
-    qpos[x] = w.foothold[0] + femur * np.sin(a) + tibia * np.sin(b)
-    qpos[z] = w.foothold[1] - femur * np.cos(a) - tibia * np.cos(b)
-    qvel[x] = femur * da * np.cos(a) + tibia * db * np.cos(b)
-    qvel[z] = femur * da * np.sin(a) + tibia * db * np.sin(b)
-    for i in range(5):
-        qpos[w.q[i]] = q[i]
-        qvel[w.q[i]] = dq[i]
+def turn(w: Any, q: Array, dq: Array) -> None:
+    """Sines, cosines and rates of the links."""
+    w.sin[0], w.cos[0], w.rate[0] = math.sin(q[TORSO]), math.cos(q[TORSO]), dq[TORSO]
+    for leg in range(2):
+        a, da = q[TORSO] + q[leg], dq[TORSO] + dq[leg]
+        b, db = a + q[2 + leg], da + dq[2 + leg]
+        femur, tibia = 1 + 2 * leg, 2 + 2 * leg
+        w.sin[femur], w.cos[femur], w.rate[femur] = math.sin(a), math.cos(a), da
+        w.sin[tibia], w.cos[tibia], w.rate[tibia] = math.sin(b), math.cos(b), db
 
 
 @nested
-def pin(work: Work, q: Array, dq: Array, leg: int) -> None:
-    """Fill T and s of the walker pinned at foot `leg`."""
-    w: Any = work[0]
-    T, shift, hip, angle = w.T, w.shift, w.hip, w.q
+def foot(w: Any, leg: int) -> tuple[float, float, float, float]:
+    """Foot point of a leg from the hip, where the links have been turned to: x, z in [m], their rates in [m/s]."""
     femur, tibia = w.lengths[leg, 0], w.lengths[leg, 1]
-    a = q[TORSO] + q[leg]
-    b = a + q[2 + leg]
-    da = dq[TORSO] + dq[leg]
-    db = da + dq[2 + leg]
-    T[:, :] = 0.0
-    shift[:] = 0.0
-    for i in range(5):
-        T[angle[i], i] = 1.0
-    x, z = hip[0], hip[1]
-    T[x, 2 + leg] = tibia * np.cos(b)
-    T[z, 2 + leg] = tibia * np.sin(b)
-    T[x, leg] = T[x, TORSO] = femur * np.cos(a) + tibia * np.cos(b)
-    T[z, leg] = T[z, TORSO] = femur * np.sin(a) + tibia * np.sin(b)
-    shift[x] = -femur * da * da * np.sin(a) - tibia * db * db * np.sin(b)
-    shift[z] = femur * da * da * np.cos(a) + tibia * db * db * np.cos(b)
-
-
-@compiled
-def swing_foot(work: Work, q: Array, dq: Array) -> tuple[float, float, float, float]:
-    """Swing foot from the pinned foot: x, z in [m] and their rates in [m/s]."""
-    w: Any = work[0]
-    x = z = dx = dz = 0.0
-    for side in range(2):
-        sign = -1.0 if side == w.leg else 1.0
-        femur, tibia = w.lengths[side, 0], w.lengths[side, 1]
-        a = q[TORSO] + q[side]
-        b = a + q[2 + side]
-        da = dq[TORSO] + dq[side]
-        db = da + dq[2 + side]
-        x -= sign * (femur * np.sin(a) + tibia * np.sin(b))
-        z += sign * (femur * np.cos(a) + tibia * np.cos(b))
-        dx -= sign * (femur * da * np.cos(a) + tibia * db * np.cos(b))
-        dz -= sign * (femur * da * np.sin(a) + tibia * db * np.sin(b))
+    a, b = 1 + 2 * leg, 2 + 2 * leg
+    x = -femur * w.sin[a] - tibia * w.sin[b]
+    z = femur * w.cos[a] + tibia * w.cos[b]
+    dx = -femur * w.rate[a] * w.cos[a] - tibia * w.rate[b] * w.cos[b]
+    dz = -femur * w.rate[a] * w.sin[a] - tibia * w.rate[b] * w.sin[b]
     return x, z, dx, dz
 
 
 @nested
-def reduce(M: Array, T: Array, A: Array) -> None:
-    """A = T' M T."""
-    for i in range(5):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(7):
-                if T[k, i] != 0.0:
-                    row = 0.0
-                    for n in range(7):
-                        row += M[k, n] * T[n, j]
-                    total += T[k, i] * row
-            A[i, j] = total
-            A[j, i] = total
+def swing_foot(w: Any) -> tuple[float, float, float, float]:
+    """Swing foot from the pinned foot, where the links have been turned to: x, z in [m], their rates in [m/s]."""
+    x, z, dx, dz = foot(w, 1 - w.leg)
+    there = foot(w, w.leg)
+    return x - there[0], z - there[1], dx - there[2], dz - there[3]
 
 
 @nested
-def solve(A: Array, x: Array) -> None:
-    """Solve A x = rhs in place, A symmetric positive definite; its lower triangle becomes the Cholesky factor."""
-    n = x.shape[0]
-    for j in range(n):
+def weigh(w: Any, leg: int, x: Array) -> None:
+    """Fill M of the walker pinned at the foot of a leg, and add to x what turning and gravity do to the links."""
+    along, cross, moment, M = w.along[leg], w.cross[leg], w.moment[leg], w.M
+    for j in range(N):
+        M[j, j] = along[j, j] + w.turning[j, j]
         for k in range(j):
-            A[j, j] -= A[j, k] * A[j, k]
-        A[j, j] = np.sqrt(A[j, j])
-        for i in range(j + 1, n):
-            for k in range(j):
-                A[i, j] -= A[i, k] * A[j, k]
-            A[i, j] /= A[j, j]
-    for i in range(n):
-        for k in range(i):
-            x[i] -= A[i, k] * x[k]
-        x[i] /= A[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            x[i] -= A[k, i] * x[k]
-        x[i] /= A[i, i]
+            cos = w.cos[j] * w.cos[k] + w.sin[j] * w.sin[k]
+            sin = w.sin[k] * w.cos[j] - w.cos[k] * w.sin[j]
+            M[j, k] = M[k, j] = along[j, k] * cos + cross[j, k] * sin + w.turning[j, k]
+            fling = along[j, k] * sin - cross[j, k] * cos
+            x[j] += fling * w.rate[k] * w.rate[k]
+            x[k] -= fling * w.rate[j] * w.rate[j]
+        jx, jz = arm(w, moment, j)
+        x[j] += jx * w.gravity[0] + jz * w.gravity[1]
 
 
 @nested
-def slope(work: Work, y: Array, dy: Array) -> None:
-    """Rates, accelerations, and the force of the ground on the pinned foot at y; M, bias and applied are filled."""
+def arm(w: Any, vectors: Array, j: int) -> tuple[float, float]:
+    """How a vector (x, z) in the frame of link j moves as the link turns: J vector, where it has been turned to."""
+    x, z = vectors[j, 0], vectors[j, 1]
+    return -x * w.sin[j] - z * w.cos[j], x * w.cos[j] - z * w.sin[j]
+
+
+@nested
+def solve(M: Array, x: Array) -> None:
+    """Solve M x = rhs in place, M symmetric positive definite; its lower triangle becomes L, its diagonal 1 / D."""
+    for k in range(N):
+        M[k, k] = 1.0 / M[k, k]
+        for j in range(N - 1, k, -1):
+            factor = M[j, k] * M[k, k]
+            for i in range(k + 1, j + 1):
+                M[j, i] -= factor * M[i, k]
+            M[j, k] = factor
+    for i in range(N):
+        for k in range(i):
+            x[i] -= M[i, k] * x[k]
+    for i in range(N):
+        x[i] *= M[i, i]
+    for i in range(N - 1, -1, -1):
+        for k in range(i + 1, N):
+            x[i] -= M[k, i] * x[k]
+
+
+@nested
+def drive(w: Any, dq: Array, x: Array) -> None:
+    """Fill x with what motors, damping and dry friction do to the links.
+
+    Dry friction is F tanh(rate / `SLIDING`) against the rate: smooth, so that RK4 keeps its order, and as a joint at
+    rest in MuJoCo does, it creeps below the friction that holds it.
+    """
+    x[0] = -w.damping[TORSO] * dq[TORSO]
+    for leg in range(2):
+        for below in range(2):
+            joint, link = leg + 2 * below, 1 + 2 * leg + below
+            torque = w.torque[joint] - w.damping[joint] * dq[joint]
+            if w.friction[joint] != 0.0:
+                torque -= w.friction[joint] * math.tanh(dq[joint] / SLIDING)
+            x[link] = torque
+            x[link - 1 if below else 0] -= torque
+
+
+@nested
+def push(w: Any, forces: Any, acting: Any, x: Array) -> None:
+    """Add to x what the forces that act do to the links."""
+    for number in range(forces.shape[0]):
+        if not acting[number]:
+            continue
+        held = forces[number]
+        fx, fz = held.force[0], held.force[1]
+        for part in range(2):  # from the pinned foot up to the hip
+            link, length = 1 + 2 * w.leg + part, w.lengths[w.leg, part]
+            x[link] += length * (w.cos[link] * fx + w.sin[link] * fz)
+        link = held.link
+        if link > 0 and link % 2 == 0:  # from the hip down to the knee
+            femur, length = link - 1, w.lengths[(link - 1) // 2, 0]
+            x[femur] -= length * (w.cos[femur] * fx + w.sin[femur] * fz)
+        px, pz = held.point[0], held.point[1]
+        x[link] += (-px * w.sin[link] - pz * w.cos[link]) * fx + (px * w.cos[link] - pz * w.sin[link]) * fz
+
+
+@nested
+def slope(work: Work, forces: Any, acting: Any, y: Array, dy: Array) -> None:
+    """Rates, accelerations, and the force of the ground on the pinned foot at y, under what is held."""
     w: Any = work[0]
-    M, T, shift, A, angle, hip = w.M, w.T, w.shift, w.A, w.q, w.hip
-    q, dq, ddq, force = y[:5], y[5:10], dy[5:10], dy[10:]
-    pin(work, q, dq, w.leg)
-    reduce(M, T, A)
-    rest = np.empty(7)  # M s + c - tau
-    for k in range(7):
-        rest[k] = w.bias[k] - w.applied[k]
-        for n in range(7):
-            rest[k] += M[k, n] * shift[n]
-    for i in range(5):
-        rest[angle[i]] += w.damping[angle[i]] * dq[i]
-    for i in range(5):
-        dy[i] = dq[i]
-        ddq[i] = 0.0
-        for k in range(7):
-            ddq[i] -= T[k, i] * rest[k]
-    solve(A, ddq)
-    for axis in range(2):
-        row = hip[axis]
-        force[axis] = rest[row]
-        for i in range(5):
-            acceleration = 0.0
-            for n in range(7):
-                acceleration += M[row, n] * T[n, i]
-            force[axis] += acceleration * ddq[i]
+    q, dq, x, moment = y[:N], y[N : 2 * N], w.x, w.moment[w.leg]
+    turn(w, q, dq)
+    drive(w, dq, x)
+    push(w, forces, acting, x)
+    weigh(w, w.leg, x)
+    solve(w.M, x)
+    fx, fz = -w.mass * w.gravity[0] - w.push[0], -w.mass * w.gravity[1] - w.push[1]
+    for j in range(N):
+        jx, jz = arm(w, moment, j)
+        fx += jx * x[j] - jz * w.rate[j] * w.rate[j]
+        fz += jz * x[j] + jx * w.rate[j] * w.rate[j]
+    dy[2 * N], dy[2 * N + 1] = fx, fz
+    for j in range(N):
+        dy[j] = dq[j]
+    to_joints(x, dy[N : 2 * N])
+
+
+@nested
+def to_joints(links: Array, joints: Array) -> None:
+    """Fill rates or accelerations of the joints from those of the links, (5,) each."""
+    joints[TORSO] = links[0]
+    for leg in range(2):
+        joints[leg], joints[2 + leg] = links[1 + 2 * leg] - links[0], links[2 + 2 * leg] - links[1 + 2 * leg]
 
 
 @compiled
 def strike(work: Work, q: Array, before: Array, after: Array, impulse: Array, old_foot: Array) -> None:
-    """Inelastic, no-slip impact of the swing foot: T' M (T dq+ - v-) = 0 about the foot that lands; M is filled.
+    """Inelastic, no-slip impact of the swing foot, about which angular momentum stays what it is.
+
+    With v the velocity of the foot that lands and M about it, M (dphi+ - dphi-) = sum_i m_i (J_j c_ij) . v.
 
     Args:
         work: The walker before the impact.
@@ -213,24 +230,23 @@ def strike(work: Work, q: Array, before: Array, after: Array, impulse: Array, ol
         old_foot: Filled with the velocity (x, z) with which the old stance foot leaves in [m/s], (2,).
     """
     w: Any = work[0]
-    M, T, A, hip = w.M, w.T, w.A, w.hip
-    pinned = w.leg
-    landing = 1 - pinned
-    pin(work, q, before, pinned)
-    velocity = applied(T, before)
-    momentum = applied(M, velocity)
-    pin(work, q, before, landing)
-    reduce(M, T, A)
-    for i in range(5):
-        after[i] = 0.0
-        for k in range(7):
-            after[i] += T[k, i] * momentum[k]
-    solve(A, after)
-    new_velocity = applied(T, after)
-    new_momentum = applied(M, new_velocity)
-    pin(work, q, before, pinned)
-    hip_of_pinned = applied(T, after)
-    for axis in range(2):
-        row = hip[axis]
-        impulse[axis] = new_momentum[row] - momentum[row]
-        old_foot[axis] = new_velocity[row] - hip_of_pinned[row]
+    landing = 1 - w.leg
+    moment, x, ignored = w.moment[landing], w.x, w.slopes[0, :N]
+    turn(w, q, before)
+    _, _, vx, vz = swing_foot(w)
+    weigh(w, landing, ignored)
+    for j in range(N):
+        jx, jz = arm(w, moment, j)
+        x[j] = jx * vx + jz * vz
+    solve(w.M, x)
+    impulse[0], impulse[1] = -w.mass * vx, -w.mass * vz
+    for j in range(N):
+        jx, jz = arm(w, moment, j)
+        impulse[0] += jx * x[j]
+        impulse[1] += jz * x[j]
+    to_joints(x, after)
+    for j in range(N):
+        after[j] += before[j]
+    turn(w, q, after)
+    _, _, dx, dz = swing_foot(w)
+    old_foot[0], old_foot[1] = -dx, -dz

@@ -169,7 +169,7 @@ class PlantSettings:
             torso held upright, backward for a leg that hangs down.
         length_factor: Factors on the lengths of femurs and tibias; centres of mass stay where they are.
         damping_factor: Factors on joint damping.
-        joint_friction: Coulomb friction in the joints, added to the model's own.
+        joint_friction: Coulomb friction in the joints, added to the model's own; on the rigid plant smooth about rest.
         joint_friction_factor: Factors on the model's own friction in the joints.
         armature: Rotor inertia reflected to the joints, added to the model's own.
         armature_factor: Factors on the model's own rotor inertia.
