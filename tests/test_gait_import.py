@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import robots
 from conftest import RABBIT
+from scipy.io import savemat
 
 from controller.belief import load_gait
 from controller.design.orbit import periodic_orbit
@@ -64,6 +65,65 @@ def test_others_conventions(capsys, tmp_path, orbit):
     _, found, err = judged(capsys, file, folder / "gaits" / "theirs.toml", *flags)
     assert found["step_time_s"] == pytest.approx(orbit.step_time, rel=1e-6), err
     assert "step_time_file_s" not in found
+
+
+def records(*rows):
+    """Structs of MATLAB in an array."""
+    made = np.empty(len(rows), dtype=[(name, object) for name in rows[0]])
+    for i, row in enumerate(rows):
+        made[i] = tuple(row.values())
+    return made
+
+
+@pytest.fixture(scope="module")
+def frost(tmp_path_factory, orbit):
+    """A walker of other conventions, and a library of two of its gaits as FROST keeps them; the second is ours."""
+    folder = tmp_path_factory.mktemp("frost")
+    text = robots.urdf(up=-1.0, axis="0 1 0", base=robots.SLIDES, names=("lh", "lk", "rh", "rk"))
+    (folder / "down.urdf").write_text(text)
+    assert main(["walker", "new", str(folder / "mine"), "--urdf", str(folder / "down.urdf")]) == 0
+    q, rest = orbit.q.T, np.zeros_like(orbit.t)
+    columns = {"rh": np.pi - q[0], "lh": np.pi - q[1], "rk": -q[2], "lk": -q[3]}
+    order = sorted(columns, key=lambda name: text.index(f'name="{name}"'))
+    x = np.vstack([rest, rest + 0.8, -q[4], *(columns[name] for name in order)])
+    inputs = {"u": np.zeros((4, len(rest))), "fRightToe": np.zeros((3, len(rest)))}
+    step = {"tspan": orbit.t, "states": {"x": x}, "inputs": inputs}
+    impact = {"tspan": [], "states": {"x": x[:, -1]}, "inputs": {"fRightToe": np.zeros(3)}}
+    library = np.empty((2, 2), dtype=object)
+    library[0] = [0.1, records(step | {"states": {"x": 1.1 * x}}, impact)]
+    library[1] = [0.2, records(step, impact)]
+    savemat(folder / "library.mat", {"gaits": library, "note": "two of them"})
+    savemat(folder / "none.mat", {"gaits": records(impact), "x": 3.0})
+    savemat(folder / "numbers.mat", {"x": np.arange(3.0)})
+    (folder / "noise.mat").write_bytes(bytes(range(256)))
+    return folder
+
+
+def test_a_library_of_frost(capsys, frost, orbit):
+    """States of the floating base and joints in the order of the robot's file; the contact is named by the inputs."""
+    flags = ["--walker", frost / "mine", "--stance", "right", "--number", "2"]
+    _, found, err = judged(capsys, frost / "library.mat", frost / "again.toml", *flags)
+    assert found["fit_rad"] < 1e-9 and found["step_time_s"] == pytest.approx(orbit.step_time, rel=1e-6), err
+    assert found["step_time_file_s"] == pytest.approx(orbit.step_time, rel=1e-9)
+    assert "--number 2" in (frost / "again.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    "name, flags, words",
+    [
+        ("library.mat", ["--stance", "right"], ["holds 2 gaits", "--number 1 to 2"]),
+        ("library.mat", ["--stance", "right", "--number", "3"], ["--number 3: must be 1 to 2"]),
+        ("library.mat", ["--number", "2"], ["on the left foot", "stands on: right"]),
+        ("none.mat", [], ["none of its phases is a step"]),
+        ("numbers.mat", [], ["no gait of FROST", "tspan and states.x"]),
+        ("noise.mat", [], ["no MATLAB file up to version 7", "-v7"]),
+        ("nowhere.mat", [], ["cannot be read"]),
+        ("down.urdf", ["--number", "1"], ["only a .mat holds several"]),
+    ],
+)
+def test_a_mat_that_is_no_step_says_why(capsys, frost, name, flags, words):
+    code, _, err = run(capsys, "gait", "import", frost / name, "--walker", frost / "mine", "--out", "x.toml", *flags)
+    assert code == 2 and err.count("\n") == 1 and all(word in err for word in words), err
 
 
 def test_bezier_outputs_over_another_clock(capsys, tmp_path, polished, orbit):

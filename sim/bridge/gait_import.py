@@ -2,31 +2,44 @@
 
 import json
 import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from xml.etree import ElementTree
 
 from controller.belief import WalkerModel, load_gait
-from controller.design import gait_file, imported
+from controller.design import frost, gait_file, imported
 from controller.design.orbit import periodic_orbit
 from controller.design.polish import polish
 from sim.bridge import convert
 from sim.bridge.gaits import Belief, check_new_file
 from sim.errors import UserError
+from sim.interface import Vector
 from sim.walkers import WalkerFolder
+from sim.walkers.new import conversion
 
 
 def import_gait(
-    walker: str, file: Path, out: Path, *, stance: str, degrees: bool, degree: int, force: bool
+    walker: str,
+    file: Path,
+    out: Path,
+    *,
+    stance: str,
+    degrees: bool,
+    degree: int,
+    force: bool,
+    number: int | None = None,
 ) -> tuple[Belief, dict[str, float]]:
     """A gait of ours from another program's step, fitted and polished; returns it and how far it is from the file.
 
     Args:
         walker: Name or folder.
-        file: CSV of a trajectory over one step, or TOML or JSON of Bezier outputs.
+        file: CSV of a trajectory over one step, TOML or JSON of Bezier outputs, or a .mat of FROST.
         out: File to write.
         stance: "left" or "right", the foot that stands.
         degrees: Whether the file's angles are in degrees.
         degree: Of our Bezier polynomials.
         force: Whether to write over a file that is there.
+        number: Which gait of a .mat, from 1; None for the only one.
 
     Raises:
         UserError: the file is no step, or no periodic orbit is near it.
@@ -34,24 +47,11 @@ def import_gait(
     folder = WalkerFolder.find(walker)
     model = WalkerModel(folder.urdf)
     where = str(file)
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{where}: cannot be read ({str(error).splitlines()[0]})") from error
-    if file.suffix == ".csv":
-        columns = imported.read_csv(text, where)
-    else:
-        try:
-            data = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
-        except ValueError as error:
-            raise UserError(f"{where}: neither CSV, TOML nor JSON by its name and content ({error})") from error
-        if not isinstance(data, dict):
-            raise UserError(
-                f"{where}: a {type(data).__name__}; must be a table with outputs, alpha, clock, clock_range"
-            )
-        columns = imported.sample_bezier(data, where)
-    step = imported.step_of(columns, _maps(folder), stance, degrees=degrees, where=where)
-    remark = f"Made by: cmpc gait import {file.name} --walker {folder.name} --degree {degree}"
+    maps = _maps(folder)
+    columns = _columns(file, _joints(folder, maps), stance, number)
+    step = imported.step_of(columns, maps, stance, degrees=degrees, where=where)
+    which = "" if number is None else f" --number {number}"
+    remark = f"Made by: cmpc gait import {file.name}{which} --walker {folder.name} --degree {degree}"
     check_new_file(out, remark, force=force)
     fitted, residual = imported.fit(model, step, degree, out.stem, f"imported from {file.name}", where)
     try:
@@ -69,6 +69,37 @@ def import_gait(
     }
     gait_file.write(out, gait_file.to_toml(model, gait, orbit, (remark,)))
     return Belief(model=model, gait=load_gait(out, model), path=out), apart
+
+
+def _columns(file: Path, joints: Sequence[str], stance: str, number: int | None) -> dict[str, Vector]:
+    """What a file says of one step, by name."""
+    where = str(file)
+    try:
+        if file.suffix == ".mat":
+            return frost.read_mat(file.read_bytes(), joints, stance, number, where)
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{where}: cannot be read ({str(error).splitlines()[0]})") from error
+    if number is not None:
+        raise UserError(f"--number {number}: only a .mat holds several gaits, and {where} is none")
+    if file.suffix == ".csv":
+        return imported.read_csv(text, where)
+    try:
+        data = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
+    except ValueError as error:
+        raise UserError(f"{where}: neither CSV, TOML, JSON nor .mat by its name and content ({error})") from error
+    if not isinstance(data, dict):
+        raise UserError(f"{where}: a {type(data).__name__}; must be a table with outputs, alpha, clock, clock_range")
+    return imported.sample_bezier(data, where)
+
+
+def _joints(folder: WalkerFolder, maps: Mapping[str, imported.Map]) -> list[str]:
+    """Names of the four joints in the order in which the robot's file has them."""
+    source = conversion(folder.urdf.parent)
+    text = source.text if source else folder.urdf.read_text(encoding="utf-8-sig")
+    known = {maps[role].name if role in maps else role for role in imported.COORDINATES if role != "torso"}
+    names = [joint.get("name", "") for joint in ElementTree.fromstring(text).iter("joint")]
+    return list(dict.fromkeys(name for name in names if name in known))
 
 
 def _maps(folder: WalkerFolder) -> dict[str, imported.Map]:

@@ -70,14 +70,16 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     polish.add_argument("--out", required=True, metavar="FILE.toml")
     _add_common(polish, _polish, force=True)
 
-    text = "A gait of ours from another program's step: a CSV of its trajectory, or Bezier outputs as TOML or JSON."
+    text = "A gait of ours from another's step: CSV of its trajectory, Bezier outputs as TOML or JSON, a .mat of FROST."
     taken = actions.add_parser("import", help="a gait from another program's step", description=text)
-    taken.add_argument("file", metavar="FILE.csv|toml|json")
+    taken.add_argument("file", metavar="FILE.csv|toml|json|mat")
     taken.add_argument("--walker", default="rabbit", metavar="NAME|FOLDER", help="default: rabbit")
     taken.add_argument(
         "--stance", choices=("left", "right"), default="left", help="the foot that stands (default: left)"
     )
     taken.add_argument("--degrees", action="store_true", help="the file's angles are in degrees")
+    text = "which gait of a .mat that holds several, from 1"
+    taken.add_argument("--number", type=flags.whole(1), metavar="INT", help=text)
     text = "of our Bezier polynomials (default: 6)"
     taken.add_argument("--degree", type=flags.whole(4), default=6, metavar="INT", help=text)
     taken.add_argument("--out", required=True, metavar="FILE.toml")
@@ -181,6 +183,7 @@ def _import(found: Namespace) -> int:
         degrees=found.degrees,
         degree=found.degree,
         force=found.force,
+        number=found.number,
     )
     file = "" if math.isnan(apart["step_time_file_s"]) else f", the file's step takes {apart['step_time_file_s']:.4f} s"
     console.note(
