@@ -1,15 +1,20 @@
 """Searches by yes and no on limit states with known answers; `make reliability-proof` is the long version."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from sim.trials.reliability import directional as directions
 from sim.trials.reliability import limit_states
 from sim.trials.reliability.asking import DECIMALS, answer, ask, together
 from sim.trials.reliability.certificate import Certificate, Verdict
+from sim.trials.reliability.differences import beta_difference, paired, probability_difference
 from sim.trials.reliability.draws import draw, normal_draws
-from sim.trials.reliability.nearest import nearest
-from sim.trials.reliability.probability import estimate, importance, interval, plain
-from tests.reliability_proof import searched
+from sim.trials.reliability.nearest import Mode, nearest
+from sim.trials.reliability.probability import OWN, estimate, importance, interval, plain
+from sim.trials.reliability.subset import subset
+from tests.reliability_proof import MOST, searched
 
 STATES = {state.name: state for state in limit_states.all_limit_states()}
 
@@ -18,15 +23,57 @@ STATES = {state.name: state for state in limit_states.all_limit_states()}
 def test_the_nearest_fall_is_within_two_percent_and_the_probability_near(name):
     state = STATES[name]
     for seed in (0, 1):
-        beta, calls, p, _, more = searched(state, seed)
-        assert abs(beta / state.beta - 1.0) < 0.02
-        assert abs(p / state.probability - 1.0) < 1.0  # five times the coefficient of variation asked for
-        assert calls + more < 0.1 / (state.probability * 0.2**2) or state.probability > 5e-3
+        one = searched(state, seed)
+        assert abs(one.found.beta / state.beta - 1.0) < 0.02
+        # five times the coefficient of variation asked for
+        assert abs(one.found.probability.value / state.probability - 1.0) < 1.0
+        assert one.calls < 0.1 / (state.probability * 0.2**2) or state.probability > 5e-3
 
 
 def test_intervals_of_importance_sampling_cover_the_truth():
     state = STATES["four branches, 2"]
-    assert sum(searched(state, seed)[3] for seed in range(20)) >= 17
+    assert sum(searched(state, seed).covers(state.probability) for seed in range(20)) >= 18
+
+
+@pytest.mark.parametrize("method", ["subset", "directional", "crude"])
+def test_every_method_covers_the_truth_and_stays_within_the_walks_it_is_given(method):
+    covered = 0
+    for state in (STATES["linear, 10"], STATES["island, 2"], STATES["two-sided, 5"]):
+        for seed in range(4):
+            one = searched(state, seed, method)
+            covered += one.covers(state.probability)
+            assert one.found.probability.method == method and one.more <= MOST[method] + 1500  # with a pilot
+    assert covered >= 11
+
+
+def test_directions_are_drawn_with_the_density_that_their_weights_say():
+    mode = Mode(inside=np.array([2.8, 0.0, 0.0]), outside=np.array([2.0, 2.0, 1.0]))
+    ways = directions._ways(3, (mode,), np.random.default_rng(0), 40_000)
+    ratio = directions._ratio(ways, (mode,))
+    even = [ratio.mean(), (ratio * ways[:, 0]).mean(), (ratio * ways[:, 1] ** 2).mean()]
+    assert even == pytest.approx([1.0, 0.0, 1.0 / 3.0], abs=0.05)  # moments of even directions on a sphere
+    assert ratio.max() <= 1.0 / OWN
+
+
+def test_a_margin_that_says_nothing_leaves_subset_simulation_with_plain_draws():
+    state = STATES["two-sided, 2"]
+    for margin in (None, lambda u: np.zeros(len(u))):
+        sample, calls = answer(subset(2, np.random.default_rng(0), variation=0.2, most=2000), state.falls, margin)
+        assert calls == 100 + len(sample.u) and np.ptp(sample.weight) == 0.0
+        assert estimate(sample).low <= state.probability <= estimate(sample).high
+
+
+def test_differences_on_the_same_draws_hold_the_truth():
+    one, other = limit_states.linear(3, 2.2), limit_states.linear(3, 2.5)
+    for seed in range(6):
+        a, b = (searched(state, seed).found for state in (one, other))
+        _, low, high = beta_difference(a.nearest, b.nearest)
+        assert low <= 0.3 <= high and high - low < 0.12
+        value, low, high = probability_difference((a.probability, a.sample), (b.probability, b.sample))
+        assert low <= other.probability - one.probability <= high and value < 0.0
+    none = dataclasses.replace(a.nearest, modes=())
+    assert beta_difference(none, none)[0] == 0.0 and beta_difference(a.nearest, none)[0] == np.inf
+    assert paired(np.zeros(50)) == (0.0, pytest.approx(-0.0533, abs=1e-3), pytest.approx(0.0533, abs=1e-3))
 
 
 def test_every_mode_is_found_and_each_is_a_walk_just_inside_a_fall():
@@ -51,7 +98,7 @@ def test_a_walk_that_falls_undisturbed_and_one_that_never_falls_are_said_as_such
 def test_a_search_is_the_same_whatever_the_batches_are_run_with():
     state = STATES["island, 2"]
     first, second = (searched(state, 5) for _ in range(2))
-    assert first == second
+    assert first.calls == second.calls and first.found.probability == second.found.probability
     few, more = normal_draws(4, np.random.SeedSequence(1), 0, 5), normal_draws(4, np.random.SeedSequence(1), 0, 9)
     assert (few == more[:5]).all()
     assert (ask([[0.123456789]]).u == np.round(0.123456789, DECIMALS)).all()

@@ -87,7 +87,8 @@ def fake(hard: dict[str, float], order: int = 1, most: int = 10**9):
             )
             yield (
                 TrialResult(controller=controller, trial=index, study="near", values=values, seed=point.seed,
-                            outcome="fell" if fell else "completed", survived=not fell),
+                            outcome="fell" if fell else "completed", survived=not fell,
+                            evidence=json.dumps({"least_speed_m_s": 0.5 - 0.1 * (0.8 * push - 0.6 * damping)})),
                 "{}",
             )  # fmt: skip
 
@@ -159,6 +160,24 @@ def test_the_course_is_the_same_in_any_order_and_after_any_stop():
         stopped = iter([None, "stop"]) if most < 10**9 else iter([None] * 1000)
         results = _run(plan, store, execute, None, lambda stopped=stopped: next(stopped, "stop"))
     assert list(results) == reference and not results.interrupted
+
+
+@pytest.mark.parametrize("method", ["subset", "directional", "crude"])
+def test_each_way_to_a_probability_goes_on_after_any_stop(method):
+    plan = from_toml(PLAN.replace("most = 150", f'most = 600\nprobability = "{method}"'))
+    reference = list(ran(plan))
+    store = Store(None, write=True)
+    for most in (1, 400, 10**9):
+        stopped = iter([None, "stop"]) if most < 10**9 else iter([None] * 1000)
+        results = _run(plan, store, fake(HARD, most=most), None, lambda stopped=stopped: next(stopped, "stop"))
+    assert list(results) == reference
+    pd, mpc = reliability_findings(results, plan.reliability[0]).each
+    for one, truth in ((pd, 0.0668), (mpc, 0.00256)):
+        p = one.found.probability
+        assert p.method == method and p.low <= truth <= p.high
+    assert {"subset": "subset simulation", "directional": "directional sampling", "crude": "draws"}[
+        method
+    ] in summarise(results)
 
 
 def test_a_study_says_how_far_what_of_and_how_probable(tmp_path):

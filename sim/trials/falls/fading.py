@@ -28,11 +28,14 @@ class Steps:
         self._steps: deque[_Step] = deque(maxlen=FADES + 1)
         self._last: Rows | None = None
         self._slowest: Rows | None = None
+        self.least_speed = math.inf
+        """Least forward speed of the hip so far in [m/s]; a walker about to stop, or to fall back, nears 0."""
 
     def take(self, state: Rows) -> None:
         """Take in states of the step that is under way, rows of `STATE`."""
         self._last = state[-1:].copy()
         slowest = int(state["dhip"][:, 0].argmin())
+        self.least_speed = min(self.least_speed, float(state["dhip"][slowest, 0]))
         if self._slowest is None or state["dhip"][slowest, 0] < self._slowest["dhip"][0, 0]:
             self._slowest = state[slowest : slowest + 1].copy()
 

@@ -117,6 +117,11 @@ class Witness(NoTape):
         """Whether the walk loses energy step by step and would stop (`Steps.fading`)."""
         return self._steps.fading(energy)
 
+    @property
+    def least_speed(self) -> float:
+        """Least forward speed of the hip in [m/s], infinite before the first tick: how near the walk came to a stop."""
+        return self._steps.least_speed
+
     def verdict(self, limits: Vector) -> tuple[Cause, Evidence]:
         """What broke, in a run that fell.
 

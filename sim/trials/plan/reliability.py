@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,10 @@ class ReliabilityStudy:
         modes: Distinct nearest falls to look for, at most; 0 tries the draws alone.
         search: Walks of the search for the nearest falls from which on it begins nowhere anew; what is begun is ended.
         look: Random directions tried on the sphere just inside the nearest fall.
+        probability: How the probability is found: by importance sampling around the nearest falls, unless the draws
+            show enough falls by themselves; by subset simulation; by directional sampling; or by more plain draws.
         variation: Coefficient of variation at which the probability is known well enough.
-        most: Walks of importance sampling at most.
+        most: Walks for the probability at most, a pilot's aside.
         pairs: Pairs of axes whose plane is searched all around, each "axis, axis".
         correlations: Of the axes in standard normal space, each "axis, axis = value"; all others are independent.
         axes: The axes.
@@ -47,6 +49,7 @@ class ReliabilityStudy:
     modes: Annotated[int, Unit("points"), NOT_NEGATIVE] = 3
     search: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 2000
     look: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 60
+    probability: Literal["importance", "subset", "directional", "crude"] = "importance"
     variation: Annotated[float, POSITIVE] = 0.2
     most: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 1000
     pairs: tuple[str, ...] = ()

@@ -18,6 +18,8 @@ class LimitState:
         name: In tables.
         n: Number of axes.
         falls: Whether each of (k, n) points falls, (k,).
+        margin: A continuous measure that has to do with it, of (k, n) points, (k,), and is no limit state: off by a
+            wave of `OFF`, blind to curvature and to what lies beyond an island.
         beta: Distance of the nearest fall.
         probability: Of a fall.
         modes: Number of distinct nearest points.
@@ -26,6 +28,7 @@ class LimitState:
     name: str
     n: int
     falls: Callable[[Array], NDArray[np.bool_]]
+    margin: Callable[[Array], Array]
     beta: float
     probability: float
     modes: int = 1
@@ -33,6 +36,15 @@ class LimitState:
 
 def _phi(x: float) -> float:
     return 0.5 * math.erfc(x / math.sqrt(2.0))
+
+
+OFF = 0.4  # standard deviations by which a margin may be off
+
+
+def _wave(u: Array) -> Array:
+    """Error of a margin, (k, n) -> (k,)."""
+    found: Array = OFF * np.sin(3.0 * u.sum(axis=1))
+    return found
 
 
 def _way(n: int) -> Array:
@@ -44,7 +56,14 @@ def _way(n: int) -> Array:
 def linear(n: int, beta: float = 3.0) -> LimitState:
     """A plane: P = Phi(-beta)."""
     way = _way(n)
-    return LimitState(name=f"linear, {n}", n=n, falls=lambda u: u @ way >= beta, beta=beta, probability=_phi(beta))
+    return LimitState(
+        name=f"linear, {n}",
+        n=n,
+        falls=lambda u: u @ way >= beta,
+        margin=lambda u: beta - u @ way + _wave(u),
+        beta=beta,
+        probability=_phi(beta),
+    )
 
 
 def parabolic(n: int, beta: float = 3.0, curvature: float = 0.1) -> LimitState:
@@ -64,6 +83,7 @@ def parabolic(n: int, beta: float = 3.0, curvature: float = 0.1) -> LimitState:
         name=f"parabolic, {n}",
         n=n,
         falls=falls,
+        margin=lambda u: beta - u @ way + _wave(u),
         beta=beta,
         probability=float(p),
     )
@@ -83,7 +103,15 @@ def four_branch() -> LimitState:
     inside = quad(
         lambda b: math.exp(-0.5 * b * b) / math.sqrt(2.0 * math.pi) * (1.0 - 2.0 * _phi(3.0 + 0.2 * b * b)), -3.5, 3.5
     )[0]
-    return LimitState(name="four branches, 2", n=2, falls=falls, beta=3.0, probability=1.0 - inside, modes=4)
+    return LimitState(
+        name="four branches, 2",
+        n=2,
+        falls=falls,
+        margin=lambda u: 3.2 - np.abs(u).max(axis=1) + _wave(u),
+        beta=3.0,
+        probability=1.0 - inside,
+        modes=4,
+    )
 
 
 def island(n: int) -> LimitState:
@@ -95,7 +123,15 @@ def island(n: int) -> LimitState:
         return found
 
     slab, plane = _phi(2.0) - _phi(2.6), _phi(2.8)
-    return LimitState(name=f"island, {n}", n=n, falls=falls, beta=2.0, probability=slab + plane - slab * plane, modes=2)
+    return LimitState(
+        name=f"island, {n}",
+        n=n,
+        falls=falls,
+        margin=lambda u: np.minimum(2.0 - u[:, 0], 2.8 + u[:, 1]) + _wave(u),
+        beta=2.0,
+        probability=slab + plane - slab * plane,
+        modes=2,
+    )
 
 
 def two_sided(n: int, beta: float = 2.5) -> LimitState:
@@ -104,6 +140,7 @@ def two_sided(n: int, beta: float = 2.5) -> LimitState:
         name=f"two-sided, {n}",
         n=n,
         falls=lambda u: np.abs(u[:, 0]) >= beta,
+        margin=lambda u: beta - np.abs(u[:, 0]) + _wave(u),
         beta=beta,
         probability=2.0 * _phi(beta),
         modes=2,

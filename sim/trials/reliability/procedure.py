@@ -12,11 +12,13 @@ import numpy as np
 from sim.trials.plan.reliability import AdaptiveStudy, CertificateStudy, ReliabilityStudy
 from sim.trials.reliability.asking import Array, Search, ask, together
 from sim.trials.reliability.certificate import Certificate, Verdict
+from sim.trials.reliability.directional import directional
 from sim.trials.reliability.draws import FURTHEST, Draws, draw, normal_draws
 from sim.trials.reliability.nearest import COARSE, Memory, Nearest, nearest, shrink
-from sim.trials.reliability.probability import Probability, Sample, estimate, importance, plain
+from sim.trials.reliability.probability import Probability, Sample, estimate, further, importance, plain
+from sim.trials.reliability.subset import subset
 
-ENOUGH = 25  # falls among the draws from which on they alone say the probability well enough
+ENOUGH = 25  # falls among the draws from which on importance sampling is left out: they say the probability well enough
 SPOKES = 16  # directions in the plane of two axes
 RADII = (0.75, 1.5, 2.25, 3.0, 4.0, 5.0)  # tried along each
 
@@ -102,16 +104,31 @@ def _study(
         found = yield from nearest(
             draws.u, draws.fell, np.random.default_rng(search), most=study.modes, look=study.look, enough=study.search
         )
-    sample = plain(draws)
-    own = np.nansum(sample.fell)
-    if own < ENOUGH and found.modes and found.modes[0].beta > 0.0:
-        rng = np.random.default_rng(sampling)
-        sample = yield from importance(n, found.modes, rng, variation=study.variation, most=study.most)
+    sample = yield from _sample(study, draws, found, points, np.random.default_rng(sampling))
     if found.modes and found.modes[0].beta == 0.0:
         planes = [(0.0,) * SPOKES for _ in study.planes]
     else:
         planes = yield from together([_plane(n, *pair) for pair in study.planes])
     return Found(draws=draws, nearest=found, sample=sample, probability=estimate(sample), planes=tuple(planes))
+
+
+def _sample(
+    study: ReliabilityStudy, draws: Draws, found: Nearest, points: np.random.SeedSequence, rng: np.random.Generator
+) -> Search[Sample]:
+    """The walks that the probability is from, by the study's method."""
+    n = len(study.axes)
+    own = plain(draws)
+    if found.modes and found.modes[0].beta == 0.0:  # half of all walks fall, about
+        return own
+    if study.probability == "crude":
+        return (yield from further(draws, n, points, variation=study.variation, most=study.most))
+    if study.probability == "subset":
+        return (yield from subset(n, rng, variation=study.variation, most=study.most))
+    if study.probability == "directional":
+        return (yield from directional(n, found.modes, rng, variation=study.variation, most=study.most))
+    if found.modes and np.nansum(own.fell) < ENOUGH:
+        return (yield from importance(n, found.modes, rng, variation=study.variation, most=study.most))
+    return own
 
 
 def _plane(n: int, one: int, other: int) -> Search[tuple[float, ...]]:

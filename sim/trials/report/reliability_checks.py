@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.trials.plan import ReliabilityStudy
-from sim.trials.report.reliability_findings import ReliabilityFindings, reliability_findings, unpaired
+from sim.trials.reliability.differences import unpaired
+from sim.trials.report.reliability_findings import ReliabilityFindings, reliability_findings
 from sim.trials.report.stats import wilson
 from sim.trials.run import Results
 

@@ -1,6 +1,5 @@
 """What the results of a study of the nearest fall say, with the trials to run again. No pictures, no pages."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +8,7 @@ import numpy as np
 from sim.trials.plan import CertificateStudy, ReliabilityStudy
 from sim.trials.plan.axis import Value
 from sim.trials.reliability.asking import Array
+from sim.trials.reliability.differences import beta_difference, probability_difference
 from sim.trials.reliability.nearest import Mode
 from sim.trials.reliability.probability import Probability
 from sim.trials.reliability.procedure import Certified, Found
@@ -70,7 +70,7 @@ class Against:
     Attributes:
         controller: Kind of controller.
         beta: Difference of the distances of the nearest fall.
-        beta_interval: Between what is known: both lie between the walk just inside and the fall.
+        beta_interval: Its interval by what the search has been seen to miss.
         probability: Difference of the probabilities of a fall.
         probability_interval: Its 95 % interval.
     """
@@ -154,52 +154,17 @@ def _of(results: Results, space: Space, controller: str, replay: Replay, found: 
     )
 
 
-def _reach(one: Reliability) -> tuple[float, float]:
-    """Distances of the walk just inside the nearest fall and of the fall; infinite if nothing fell."""
-    if not one.sides:
-        return math.inf, math.inf
-    mode = one.sides[0].mode
-    inside = float(np.linalg.norm(mode.inside))
-    return (0.0 if math.isnan(inside) else inside), mode.beta
-
-
 def _against(first: Reliability, other: Reliability) -> Against:
-    (inside, fall), (other_inside, other_fall) = _reach(first), _reach(other)
-    value, low, high = _difference(first, other)
+    one, two = first.found, other.found
+    beta, *beta_interval = beta_difference(one.nearest, two.nearest)
+    value, *interval = probability_difference((one.probability, one.sample), (two.probability, two.sample))
     return Against(
         controller=other.controller,
-        beta=_minus(other_fall, fall),
-        beta_interval=(other_inside - fall, other_fall - inside),
+        beta=beta,
+        beta_interval=(beta_interval[0], beta_interval[1]),
         probability=value,
-        probability_interval=(low, high),
+        probability_interval=(interval[0], interval[1]),
     )
-
-
-def _minus(one: float, other: float) -> float:
-    return 0.0 if one == other else one - other
-
-
-def _difference(first: Reliability, other: Reliability) -> tuple[float, float, float]:
-    """Difference of the probabilities with its 95 % interval: paired where both are of the same draws."""
-    p, q = first.found.probability, other.found.probability
-    if p.method == q.method == "crude" and len(first.found.sample.fell) == len(other.found.sample.fell):
-        apart = other.found.sample.fell - first.found.sample.fell
-        apart = apart[~np.isnan(apart)]
-        value, k = float(apart.mean()), len(apart)
-        # a draw more on which each alone falls keeps the width from vanishing where none differ (Agresti, Min 2005)
-        width = 1.96 * math.sqrt((apart**2).sum() + 2.0 - k * value**2) / (k + 2.0)
-        return value, value - width, value + width
-    low, high = unpaired((p.value, p.low, p.high), (q.value, q.low, q.high))
-    return q.value - p.value, low, high
-
-
-def unpaired(one: tuple[float, float, float], other: tuple[float, float, float]) -> tuple[float, float]:
-    """Interval of the other's probability less the one's, each with an interval of its own: value, low, high.
-
-    Newcombe's square-and-add (Statistics in Medicine 1998), for estimates that are independent.
-    """
-    (p, p_low, p_high), (q, q_low, q_high) = one, other
-    return q - p - math.hypot(q - q_low, p_high - p), q - p + math.hypot(q_high - q, p - p_low)
 
 
 def certificates(results: Results, study: CertificateStudy) -> dict[str, Certified | None]:

@@ -24,6 +24,12 @@ from sim.trials.run import Results
 
 MOST_ROWS = 8  # axes of a table
 
+METHODS = {
+    "importance": "importance sampling",
+    "subset": "subset simulation",
+    "directional": "directional sampling",
+}
+
 
 def reliability_section(results: Results, study: ReliabilityStudy) -> dict[str, Any]:
     """Distance, probability, what both are made of, and each controller against the first."""
@@ -57,7 +63,7 @@ def reliability_section(results: Results, study: ReliabilityStudy) -> dict[str, 
 
 def probability_words(p: Probability) -> str:
     """A probability with its interval and how it was found."""
-    how = f"{p.falls} of {p.draws} draws" if p.method == "crude" else f"importance sampling, {p.draws} draws"
+    how = f"{p.falls} of {p.draws} draws" if p.method == "crude" else f"{METHODS[p.method]}, {p.draws} walks"
     words = f"{p.value:.2g} (95 %: {p.low:.2g} to {p.high:.2g}; {how})"
     return words + (f"; {p.unknown} without a result" if p.unknown else "")
 

@@ -34,6 +34,7 @@ class Replay:
         found: What it found, once it is over.
         points: Everything asked for and answered, in standard normal space, by index.
         fell: The answers.
+        margins: Least forward speed of the hip of each walk in [m/s], NaN where it is not recorded.
     """
 
     search: Search[Found | Certified]
@@ -42,13 +43,14 @@ class Replay:
     found: Found | Certified | None = None
     points: list[Array] = field(default_factory=list)
     fell: list[Array] = field(default_factory=list)
+    margins: list[Array] = field(default_factory=list)
 
     def go_on(self, answers: Array | None) -> None:
         """Hand the answers of the batch in; the next one is there then, or the end."""
         if self.batch is not None and answers is not None:
             self.first += len(self.batch)
             self.points.append(self.batch.u)
-            self.fell.append(answers)
+            self.fell.append(answers[:, 0] if self.batch.guided else answers)
         try:
             self.batch = next(self.search) if answers is None else self.search.send(answers)
         except StopIteration as end:
@@ -97,7 +99,11 @@ class Replays:
             if any(number not in rows for number in range(first, last)):
                 break
             self._check(study, controller, here.batch, rows[first])
-            here.go_on(np.array([_fell(rows[number]) for number in range(first, last)]))
+            there = [rows[number] for number in range(first, last)]
+            fell = np.array([_fell(row) for row in there])
+            margin = np.array([row.least_speed_m_s for row in there])
+            here.margins.append(margin)
+            here.go_on(np.column_stack((fell, margin)) if here.batch.guided else fell)
         return here
 
     def missing(self, study: AdaptiveStudy, start: int, controller: str) -> list[Asked]:

@@ -14,6 +14,9 @@ from sim.trials.plan.axis import Value
 TIMING = ("wall_s", "solve_median_ms", "solve_p99_ms", "solve_max_ms", "tick_median_ms")
 """Fields of a result that differ from run to run; all others depend on plan, controller and index alone."""
 
+LEAST_SPEED = "least_speed_m_s"
+"""Least forward speed of the hip in a walk, among its evidence."""
+
 GAVE_UP = "gave up"
 ERROR = Outcome.ERROR.value
 WITH_RESULT = (Outcome.COMPLETED.value, Outcome.FELL.value)
@@ -46,7 +49,8 @@ class TrialResult:
         wall_s: Wall time of the trial in [s].
         log: Name of the log in the results' folder, empty if none was kept.
         cause: What finally broke, the value of a `sim.trials.falls.cause.Cause`; empty unless it fell.
-        evidence: Fields of the `sim.trials.falls.cause.Evidence` for it, as JSON.
+        evidence: Least forward speed of the hip in the walk in [m/s], and fields of the
+            `sim.trials.falls.cause.Evidence` for the cause, as JSON.
         judged_by: Criteria of steps and falls, a `RunSummary`'s `judged_by`, as JSON; empty without a result.
         origin: Key of what it ran with: `Store.origins`.
     """
@@ -104,6 +108,12 @@ class TrialResult:
         """Values of the study's axes by name."""
         found: dict[str, Value] = json.loads(self.values)
         return found
+
+    @property
+    def least_speed_m_s(self) -> float:
+        """Least forward speed of the hip in [m/s]: how near the walk came to a stop; NaN where it is not recorded."""
+        found = json.loads(self.evidence or "{}").get(LEAST_SPEED)
+        return math.nan if found is None else float(found)
 
     @property
     def proof(self) -> str:

@@ -24,7 +24,7 @@ from sim.scenario import Scenario
 from sim.trials.falls.witness import Witness
 from sim.trials.plan import CertificateStudy, GridStudy, MarginStudy, Plan, ReliabilityStudy
 from sim.trials.plan.axis import Value, changes, label, scenario_at
-from sim.trials.run.result import ERROR, TrialResult, figures_of
+from sim.trials.run.result import ERROR, LEAST_SPEED, TrialResult, figures_of
 
 WARM_UP_PUSH = 60.0  # [N], enough for torques to saturate
 LONGEST_MESSAGE = 300  # characters of an exception that a result keeps
@@ -264,9 +264,10 @@ def _kept_log(spec: TrialSpec) -> str:
 
 
 def _cause(summary: RunSummary, witness: Witness) -> dict[str, str]:
-    """What broke, as fields of a result; nothing for a run that did not fall."""
+    """How near it came to a stop, and what broke if it fell, as fields of a result."""
+    near = {LEAST_SPEED: float(f"{witness.least_speed:.4g}")} if math.isfinite(witness.least_speed) else {}
     if summary.outcome != Outcome.FELL.value:
-        return {}
+        return {"evidence": json.dumps(near)}
     limits = np.array([summary.torque_limit_Nm.get(joint, math.inf) for joint in JOINTS])
     cause, evidence = witness.verdict(limits)
-    return {"cause": cause.value, "evidence": evidence.to_json()}
+    return {"cause": cause.value, "evidence": json.dumps(json.loads(evidence.to_json()) | near)}
