@@ -5,7 +5,8 @@ import pytest
 
 from sim.bridge.run import build_controller, build_plant, instrument, known_belief, start_state
 from sim.interface import LEGS
-from sim.loop import Course, Loop, NoTape
+from sim.loop import Course, Loop, NoTape, Patient
+from sim.loop import loop as the_loop
 from sim.scenario import load, with_values
 
 PUSHED = {"name": "push-25N", "steps": 2}
@@ -28,9 +29,8 @@ class RecordsAlone:
 class Rows(NoTape):
     """Keeps every row."""
 
-    frame_every = 7
-
-    def __init__(self):
+    def __init__(self, frame_every=7):
+        self.frame_every = frame_every
         self.parts, self.plans, self.events = [], [], []
 
     def ticks(self, ticks):
@@ -49,16 +49,16 @@ class Rows(NoTape):
         return {(part, name): rows[name].tobytes() for part, rows in enumerate(columns) for name in rows.dtype.names}
 
 
-def walk(scenario, seen_as):
+def walk(scenario, seen_as, frame_every=7, **how):
     belief = known_belief(scenario.walker, scenario.gait)
     plant = build_plant(scenario)
     q, dq = start_state(scenario, belief)
-    rows = Rows()
+    rows = Rows(frame_every)
     course = Course(
         q=q, dq=dq, steps=scenario.steps, end_time=scenario.end_time, pushes=scenario.pushes, stance=LEGS[0]
     )
     controller = seen_as(build_controller(scenario.controller, belief))
-    summary = Loop(plant=instrument(plant, scenario), controller=controller, course=course, tape=rows).run()
+    summary = Loop(plant=instrument(plant, scenario), controller=controller, course=course, tape=rows).run(**how)
     return rows, summary
 
 
@@ -80,3 +80,93 @@ def test_rows_and_records_give_the_same_run(kind, plant, changes):
     assert len(rows.plans) == len(records.plans) and bool(rows.plans) == (kind == "c-mpc")
     for plan, other in zip(rows.plans, records.plans, strict=True):
         assert np.array_equal(plan[0], other[0]) and np.array_equal(plan[1], other[1])
+
+
+RIGID = {"controller.kind": "zd-pd", "plant.kind": "rigid", "plant.timestep": 1e-3}
+RIDES = {
+    "walks": {"steps": 3},
+    "is pushed": {"steps": 3, "pushes.0.force": 20.0, "pushes.0.step": 1, "pushes.0.body": "left_tibia"},
+    "scuffs": {"steps": 4, "pushes.0.force": 35.0, "pushes.0.step": 1, "controller.impact_time": 0.0},
+    "falls": {"steps": 9, "pushes.0.force": 90.0, "pushes.0.start": 0.3, "pushes.0.end": 0.9},
+    "runs out of time": {"steps": 9, "time_limit": 0.7773},
+    "has rough ground and friction": {"steps": 3, "plant.ground.slope": 0.03, "plant.joint_friction.left_knee": 1.0},
+    "has two substeps": {"steps": 2, "plant.timestep": 5e-4},
+    "falls at once": {"steps": 3, "plant.saturation": False, "controller.kp": (4e7,) * 4},
+}
+
+
+def same(way, other):
+    rows, summary = way
+    ours, theirs = rows.bits(), other[0].bits()
+    assert [name for name in ours if ours[name] != theirs[name]] == []
+    assert other[0].events == rows.events
+    for name in ("outcome", "message", "fall_reason", "steps", "state_digest", "rms_torque_Nm", "slip_m"):
+        assert getattr(other[1], name) == getattr(summary, name)
+
+
+@pytest.mark.parametrize("changes", RIDES.values(), ids=RIDES)
+def test_a_ride_through_uneventful_ticks_gives_the_same_run(changes, monkeypatch):
+    scenario, told = with_values(load("undisturbed"), RIGID | changes), []
+    how = {"stop": Patient(lambda: None), "progress": lambda *what: told.append(what)}
+    ridden = [
+        walk(scenario, lambda controller: controller, frame_every=0),
+        walk(scenario, lambda controller: controller, frame_every=100),
+        walk(scenario, lambda controller: controller, frame_every=0, **how),
+    ]
+    monkeypatch.setattr(the_loop, "ride_of", lambda *_: None)
+    in_the_ride = told.copy()
+    told.clear()
+    row_to_row = walk(scenario, lambda controller: controller, frame_every=0, **how)
+    assert in_the_ride == told
+    for way in ridden:
+        same(row_to_row, way)
+
+
+def broken_state(plant, controller):
+    plant._work["now"][0, 5:] = 1e80
+
+
+def broken_law(plant, controller):
+    controller.loop.gains.kp[:] = np.nan
+
+
+@pytest.mark.parametrize(("breaks", "outcome"), [(broken_state, "fell"), (broken_law, "error")])
+def test_what_breaks_within_a_ride_is_told_as_it_is_outside(breaks, outcome, monkeypatch):
+    scenario, built = with_values(load("undisturbed"), RIGID | {"steps": 3}), {}
+    monkeypatch.setitem(globals(), "instrument", lambda plant, _: built.setdefault("plant", plant))
+
+    def run():
+        built.clear()
+
+        def progress(steps, t):
+            if round(1e3 * t) == 149:
+                breaks(**built)
+
+        with np.errstate(all="ignore"):
+            return walk(scenario, lambda law: built.setdefault("controller", law), frame_every=0, progress=progress)
+
+    ridden = run()
+    monkeypatch.setattr(the_loop, "ride_of", lambda *_: None)
+    same(run(), ridden)
+    assert ridden[1].outcome == outcome and 150 <= ridden[1].ticks < 155
+
+
+def test_a_ride_hears_a_wish_to_stop_between_two_of_its_stretches():
+    asked = []
+
+    def stop():
+        asked.append(None)
+        return "enough" if len(asked) == 4 else None
+
+    scenario = with_values(load("undisturbed"), RIGID | {"steps": 10})
+    _, summary = walk(scenario, lambda controller: controller, frame_every=0, stop=Patient(stop))
+    assert (summary.outcome, summary.message) == ("interrupted", "enough")
+    assert 4 < summary.ticks <= 3 * the_loop.BLOCK
+    exact = walk(scenario, lambda controller: controller, frame_every=0, stop=stop_after(summary.ticks))[1]
+    assert exact.state_digest == summary.state_digest and exact.ticks == summary.ticks
+
+
+def stop_after(ticks):
+    """A wish to stop that wants to be asked every tick."""
+    asked = iter(range(10**6))
+    return lambda: "enough" if next(asked) == ticks else None

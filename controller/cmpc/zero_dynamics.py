@@ -9,6 +9,7 @@ from controller.belief.closed_loop import ZeroDynamicsStep, zero_dynamics
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.stance import calm, take
 from controller.common.compiled import compiled
+from controller.common.entry import Bound, bind
 from controller.common.held import Held, held
 from controller.common.records import (
     ControlStep,
@@ -88,10 +89,19 @@ class ZeroDynamicsController(Law):
 
     def decide(self, seen: Rows, step: Rows, i: int) -> None:
         """The same from row to row: in compiled code, but for the few ticks around a landing."""
+        if not decide(self._kept(), self.stance.memory, seen, step, i):
+            write_step(step, i, self.step(observation_of(seen[i])))
+
+    def bound(self, seen: Rows, step: Rows) -> Bound | None:
+        """The kernel of `decide`, with rows of these types; False from it where no row was filled."""
+        if type(self) is not ZeroDynamicsController:
+            return None  # one that may do more
+        return bind(decide, (self._kept(), self.stance.memory), (seen, step, 0))
+
+    def _kept(self) -> Held:
         if self._held is None or self._held.value is not self.loop:
             self._held = Held(self.loop)
-        if not decide(self._held, self.stance.memory, seen, step, i):
-            write_step(step, i, self.step(observation_of(seen[i])))
+        return self._held
 
     def plan(self) -> None:
         """There is none."""

@@ -173,8 +173,8 @@ def run_scenario(
         scenario: What happens.
         log: MCAP file to write; None for no log. An existing file is never overwritten.
         progress: Told now and then the completed steps and the simulated time in [s].
-        stop: Asked every tick, and all the time while kernels are compiled; a reason ends the run as interrupted,
-            its log complete.
+        stop: Asked every tick, or as `Patient` says, and all the time while kernels are compiled; a reason ends the
+            run as interrupted, its log complete.
         files: Model files to use instead of those the scenario names, such as those of a log.
         view: Whether to show it in MuJoCo's window, no faster than real time.
         announce: Told a line for the user before something long.

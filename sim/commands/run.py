@@ -179,7 +179,7 @@ def check_new_log(path: Path) -> None:
 
 def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view: bool) -> int:
     from sim.bridge.run import run_scenario
-    from sim.loop import Outcome
+    from sim.loop import Outcome, Patient
     from sim.terminal.interrupt import stop_on_signal
     from sim.terminal.progress import walking
     from sim.trials.falls.witness import Witness
@@ -196,7 +196,7 @@ def _walk(scenario: Scenario, log: Path | None, *, json: bool, quiet: bool, view
             return 128 + stop.signum
     with stop_on_signal() as stop, walking(scenario.steps, quiet=quiet or json) as show, prints:
         summary = run_scenario(
-            scenario, log=log, progress=show, stop=stop, announce=console.note, view=view, tape=witness
+            scenario, log=log, progress=show, stop=Patient(stop), announce=console.note, view=view, tape=witness
         )
     why = witness.story(summary.torque_limit_Nm) if summary.outcome == Outcome.FELL.value else ""
     if summary.outcome == Outcome.COMPLETED.value and fading(witness, scenario):

@@ -4,7 +4,7 @@ from sim.loop.course import Course
 from sim.loop.judge import FallCriteria, Judge
 from sim.loop.loop import Loop
 from sim.loop.outcome import FallReason, Outcome, RunSummary
-from sim.loop.tape import EachTick, NoTape, Progress, Stop, Tape, Tapes
+from sim.loop.tape import EachTick, NoTape, Patient, Progress, Stop, Tape, Tapes
 from sim.loop.ticks import Ticks
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Loop",
     "NoTape",
     "Outcome",
+    "Patient",
     "Progress",
     "RunSummary",
     "Stop",

@@ -204,7 +204,7 @@ class Judge:
         """
         self.criteria = criteria or FallCriteria()
         self.end_time = end_time
-        self._work = work = np.zeros(1, WORK)
+        self.work = work = np.zeros(1, WORK)
         for name, value in dataclasses.asdict(self.criteria).items():
             work[name] = value
         work["steps_asked"], work["end_time"], work["stance"] = steps, end_time, LEGS.index(stance)
@@ -212,7 +212,7 @@ class Judge:
 
     def look(self, state: Rows, judged: Rows, i: int) -> int:
         """Judge the truth in row `i` of `state`, and fill that row of `judged`; returns what there is to tell."""
-        found: int = look(self._work, state, judged, i)
+        found: int = look(self.work, state, judged, i)
         return found
 
     @property

@@ -18,7 +18,8 @@ from sim.loop.law import Foreseen, rows_law
 from sim.loop.metrics import Metrics
 from sim.loop.outcome import FallReason, Outcome, RunSummary
 from sim.loop.pushes import Pushes
-from sim.loop.tape import Progress, Stop, Tape
+from sim.loop.ride import CLOCK, FINE, LOOKED, ride, ride_of
+from sim.loop.tape import Patient, Progress, Stop, Tape
 from sim.loop.ticks import STATUSES, Frame, Ticks
 
 BLOCK = 256  # [ticks]
@@ -53,6 +54,7 @@ class Loop:
         self._block = Ticks.room(BLOCK)
         self._frames = self._block.frames
         self._law = rows_law(controller, self._block)
+        self._ride = ride_of(plant, controller, self._block, self._pushes, self._judge)
         self._first = self._told = self._whole = 0  # ticks: first of the block, told to the tape, decided
         self._unheld = 0  # ticks at the end whose torque is none
         self._noted: dict[str, Any] = {"pushed": 0, "followed": 0.0, "fallback": 0}
@@ -62,7 +64,7 @@ class Loop:
 
         Args:
             progress: Told about every 50 ticks.
-            stop: Asked every tick.
+            stop: Asked every tick; less often if it is `Patient`.
             log: Path of the log, for the summary.
         """
         began = time.perf_counter()
@@ -94,36 +96,43 @@ class Loop:
         state, seen, step, judged = self._block.state, self._block.seen, self._block.step, self._block.judged
         tick_s, clock, frame_every = self._block.tick_s, time.perf_counter, self._tape.frame_every
         pushed, acting = bool(pushes.forces), pushes.acting
-        k = i = 0
+        riding = self._ride if stop is None or isinstance(stop, Patient) else None
+        k = i = found = 0
+        ended = FINE  # as a ride through uneventful ticks has: FINE before a tick, LOOKED within one, else behind it
         if self._broken:
             plant.look(state, seen, 0)
             self._final = state[0]
             return Outcome.ERROR, FallReason.NONE, self._broken
         while True:
-            plant.look(state, seen, i)
-            found = judge.look(state, judged, i)
+            if ended == FINE:
+                plant.look(state, seen, i)
+                found = judge.look(state, judged, i)
             self._final = state[i]
-            if found and (end := self._heed(k, found)):
-                return end
-            interruption = stop() if stop else None
-            if interruption:
-                return Outcome.INTERRUPTED, FallReason.NONE, interruption
+            if ended in (FINE, LOOKED):
+                if found and (end := self._heed(k, found)):
+                    return end
+                interruption = stop() if stop else None
+                if interruption:
+                    return Outcome.INTERRUPTED, FallReason.NONE, interruption
 
-            started = clock()
-            try:
-                law.decide(seen, step, i)
-                tick_s[i] = clock() - started
-                if frame_every and k % frame_every == 0:
-                    self._frames[k] = Frame(pushes.applied, Foreseen.of(law.plan()))
-            except ControllerFailed as error:
-                return Outcome.ERROR, FallReason.NONE, str(error)
-            if pushed:
-                t, last = float(state["t"][i]), judge.last_impact
-                judged["pushed"][i] = pushes.look(t, judge.steps + 1, last)
+                started = clock()
+                try:
+                    law.decide(seen, step, i)
+                    tick_s[i] = clock() - started
+                    if frame_every and k % frame_every == 0:
+                        self._frames[k] = Frame(pushes.applied, Foreseen.of(law.plan()))
+                except ControllerFailed as error:
+                    return Outcome.ERROR, FallReason.NONE, str(error)
+                if pushed:
+                    t, last = float(state["t"][i]), judge.last_impact
+                    judged["pushed"][i] = pushes.look(t, judge.steps + 1, last)
             k += 1
             self._whole = k
             try:
-                plant.move(step, i, acting)
+                if ended in (FINE, LOOKED):
+                    plant.move(step, i, acting)
+                else:
+                    plant.heed(ended, step, i)  # type: ignore[attr-defined]  # of a plant that rides
             except NoTorque:
                 self._unheld = 1
                 return Outcome.ERROR, FallReason.NONE, self._not_finite(step["u_total"][i])
@@ -135,6 +144,18 @@ class Loop:
                 i = 0
             if progress and k % PROGRESS_TICKS == 0:
                 progress(judge.steps, float(state["t"][i - 1]))
+            ended = FINE
+            if riding:
+                row, ended, found = ride(riding, CLOCK, i, i + self._uneventful(k, i, progress))
+                k += row - i
+                self._whole, i = k, row
+
+    def _uneventful(self, k: int, i: int, progress: Progress | None) -> int:
+        """Ticks from tick `k` in row `i` on before one that Python has to see for other reasons than its events."""
+        ticks, frame_every = BLOCK - 1 - i, self._tape.frame_every
+        if progress:
+            ticks = min(ticks, -(k + 1) % PROGRESS_TICKS)
+        return min(ticks, -k % frame_every) if frame_every else ticks
 
     def _not_finite(self, u: Vector) -> str:
         torques = ", ".join(f"{name} {value:g}" for name, value in zip(JOINTS, u.tolist(), strict=True))

@@ -59,6 +59,7 @@ class Pushes:
     Attributes:
         forces: What each exerts while it acts; without a point it attacks the link's centre of mass.
         acting: Which act in the hold that starts now.
+        windows: When each does, rows of `WINDOW`.
     """
 
     def __init__(self, pushes: Sequence[Push], com: CentresOfMass, period: float = PERIOD) -> None:
@@ -72,7 +73,7 @@ class Pushes:
         self.forces = tuple(applied_force(push, com, period) for push in pushes)
         self.acting = np.zeros(len(pushes), dtype=bool)
         nan = math.nan
-        self._windows = np.array(
+        self.windows = np.array(
             [
                 (
                     -1 if p.step is None else p.step,
@@ -88,7 +89,7 @@ class Pushes:
 
     def look(self, t: float, step: int, step_began: float) -> bool:
         """Find out which act in the hold that starts at t [s], in step number `step` since `step_began` in [s]."""
-        found: bool = act(self._windows, t, step, step_began, self.acting)
+        found: bool = act(self.windows, t, step, step_began, self.acting)
         return found
 
     @property

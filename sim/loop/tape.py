@@ -1,6 +1,7 @@
 """Who listens to a run: tapes take its ticks and events; callbacks tell how far it is and may stop it."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from sim.interface import ControlStep, Observation, PlantState
@@ -10,7 +11,22 @@ Progress = Callable[[int, float], None]
 """Called now and then with completed steps and simulated time in [s]."""
 
 Stop = Callable[[], str | None]
-"""Asked every tick; a reason ends the run as interrupted."""
+"""Asked every tick; a reason ends the run as interrupted. One that is `Patient` is asked less often."""
+
+
+@dataclass(frozen=True, slots=True)
+class Patient:
+    """A wish to stop that depends on time or events alone: asked at every event and every 20 ms of wall time.
+
+    Attributes:
+        ask: The wish.
+    """
+
+    ask: Stop
+
+    def __call__(self) -> str | None:
+        """The reason, if there is one."""
+        return self.ask()
 
 
 class Tape(Protocol):

@@ -135,6 +135,11 @@ class Body(ABC):
         self._named = tuple(forces)
         self._forces = np.array([(LINKS.index(f.body), f.point, f.force) for f in forces], dtype=FORCE)
 
+    @property
+    def forces(self) -> Rows:
+        """The forces loaded, rows of `FORCE`."""
+        return self._forces
+
     @abstractmethod
     def look(self, state: Rows, seen: Rows, i: int) -> None:
         """Fill row `i` of `state` with the truth now and of `seen` with what ideal sensors read; see `Plant`."""

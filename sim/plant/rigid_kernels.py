@@ -9,7 +9,7 @@ from numba import carray
 from controller.common.compiled import compiled, nested
 from sim.plant.engine import pointer
 from sim.plant.rigid_equations import STAGES, Array, N, Work, foot, slope, strike, swing_foot, turn
-from sim.plant.rows import COS, DIVERGED, FINE, INTERCEPT, NO_TORQUE, SIN, TAN, facet_under, height_under
+from sim.plant.rows import COS, DIVERGED, FINE, INTERCEPT, NO_TORQUE, NOTED, SIN, TAN, facet_under, height_under
 
 EPS = float(np.finfo(float).eps)
 MOST_LANDINGS = 16  # within one substep; a walker makes one
@@ -152,6 +152,7 @@ def move(work: Work, ground: Array, impacts: Any, step: Any, i: int, forces: Any
             w.push[0] += forces[number].force[0]
             w.push[1] += forces[number].force[1]
     w.force_time[:, :] = 0.0
+    landings = w.landings
     duration = w.period / w.substeps
     for substep in range(w.substeps):
         advance(work, ground, impacts, forces, acting, w.ticks * w.period + substep * duration, duration)
@@ -159,7 +160,9 @@ def move(work: Work, ground: Array, impacts: Any, step: Any, i: int, forces: Any
     total = 0.0
     for j in range(2 * N):
         total += w.now[j]
-    return FINE if math.isfinite(total) else DIVERGED
+    if not math.isfinite(total):
+        return DIVERGED
+    return FINE if w.landings == landings else NOTED
 
 
 @compiled

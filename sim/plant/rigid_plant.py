@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.common.entry import Bound, bind
 from sim.errors import PlantDiverged, UserError
 from sim.interface import COORDINATES, JOINTS, LEGS, Rows, Vector
 from sim.plant import rigid_kernels as kernels
@@ -20,7 +21,7 @@ from sim.plant.body import DETECTED_LINKS, Body, check_start, no_torque
 from sim.plant.engine import address
 from sim.plant.five_links import refuse_shape
 from sim.plant.rigid_walker import PinnedWalker
-from sim.plant.rows import DIVERGED, NO_TORQUE
+from sim.plant.rows import DIVERGED, FINE, NO_TORQUE
 from sim.scenario import PlantSettings
 
 ON_GROUND = 1e-9  # [m] a swing foot this close to the ground at reset stands on it
@@ -153,14 +154,24 @@ class RigidPlant(Body):
             ValueError: the torque is not finite: a defect of the controller.
             PlantDiverged: the state is not finite any more.
         """
-        work, walker = self._work, self._walker
-        end = kernels.move(work, self._ground, walker.impacts, step, i, self._forces, acting)
+        end = kernels.move(self._work, self._ground, self._walker.impacts, step, i, self._forces, acting)
+        if end != FINE:
+            self.heed(end, step, i)
+
+    def heed(self, end: int, step: Rows, i: int) -> None:
+        """Note landings in the hold of row `i`; raises as `move` does."""
         if end == NO_TORQUE:
             raise no_torque(step[i]["u_total"])
-        if work["landings"][0] > len(self._impacts):
-            self._remember()
+        self._remember()
         if end == DIVERGED:
-            raise PlantDiverged(
-                f"the plant diverged in the hold up to t = {work['ticks'][0] * self.period:.3f} s: "
-                f"q = {walker.q.tolist()}, dq = {walker.dq.tolist()}"
-            )
+            q, dq = self._walker.q.tolist(), self._walker.dq.tolist()
+            t = self._work["ticks"][0] * self.period
+            raise PlantDiverged(f"the plant diverged in the hold up to t = {t:.3f} s: q = {q}, dq = {dq}")
+
+    def bound(self, state: Rows, seen: Rows, step: Rows, acting: NDArray[np.bool_]) -> tuple[Bound, Bound] | None:
+        """The kernels of `look` and `move` for `sim.loop.ride`, with these forces and rows of these types."""
+        if type(self) is not RigidPlant:
+            return None  # one that may do more
+        look = bind(kernels.look, (self._work, self._ground), (state, seen, 0))
+        own = (self._work, self._ground, self._walker.impacts)
+        return look, bind(kernels.move, own, (step, 0, self._forces, acting))

@@ -8,8 +8,8 @@ START, COS, SIN, INTERCEPT, TAN = range(5)
 """Columns of a ground (`Terrain.table`): where a facet begins in [m], cosine and sine of its angle, its height at
 x = 0 in [m], its slope."""
 
-FINE, DIVERGED, NO_TORQUE = range(3)
-"""How a hold ended."""
+FINE, DIVERGED, NO_TORQUE, NOTED = range(4)
+"""How a hold ended; after one with something to note all is well, too."""
 
 FORCE = np.dtype([("link", np.int64), ("point", float, 2), ("force", float, 2)], align=True)
 """An external force: position of its link in `LINKS`, its point in the link's frame in [m], the force in [N]."""

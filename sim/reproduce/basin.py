@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sim.errors import UserError
 from sim.interface import Vector
-from sim.loop import Outcome
+from sim.loop import Outcome, Patient
 from sim.reproduce.measure import TRIP_DEPTH
 from sim.scenario import Push, from_toml
 from sim.stability.rig import Rig
@@ -195,6 +195,7 @@ def _try(
     tape = rig.sections()
     seen = 0
 
+    @Patient
     def converged() -> str | None:
         nonlocal seen
         if len(tape.states) == seen:

@@ -18,7 +18,7 @@ from controller.common import outside
 from controller.common.settings import BUILT_IN
 from sim.errors import UserError
 from sim.interface import JOINTS
-from sim.loop import Outcome, RunSummary, Tape
+from sim.loop import Outcome, Patient, RunSummary, Tape
 from sim.plant import Energy
 from sim.scenario import Scenario
 from sim.trials.falls.witness import Witness
@@ -231,6 +231,7 @@ def _run(scenario: Scenario, spec: TrialSpec, deadline: float, tape: Tape) -> tu
     plan = spec.plan
     belief = known_belief(scenario.walker, scenario.gait)
 
+    @Patient
     def stop() -> str | None:
         return f"gave up after {plan.wall_limit:g} s of wall time" if time.perf_counter() > deadline else None
 

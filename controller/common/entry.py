@@ -1,0 +1,152 @@
+"""Compiled kernels handed over as values: where one begins, called from another that was compiled without knowing it.
+
+A kernel that calls another by its name is compiled together with it, and with all that the other calls. What a loop
+calls in each tick is of one plant or another, one law or another: handed over as an `Entry`, each is compiled once.
+
+Common ground of both worlds: it knows nothing of a walker.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import typeof, types
+from numba.core import cgutils
+from numba.core.registry import cpu_target
+from numba.extending import NativeValue, intrinsic, models, register_model, unbox
+
+from controller.common.compiled import Kernel
+from controller.common.held import Held, HeldType, _keep
+
+
+class EntryType(types.Type):
+    """The address of a kernel of a given signature."""
+
+    def __init__(self, returns: Any, arguments: tuple[Any, ...]) -> None:
+        """Args: returns: type of its result; arguments: types of its arguments."""
+        self.returns, self.arguments = returns, arguments
+        super().__init__(name=f"Entry({returns}, {arguments})")
+
+    @property
+    def key(self) -> Any:
+        """What tells one from another."""
+        return self.returns, self.arguments
+
+
+@register_model(EntryType)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, ir.IntType(64))
+
+
+@unbox(EntryType)
+def _unbox(kind: Any, thing: Any, c: Any) -> Any:
+    number = c.pyapi.object_getattr_string(thing, "address")
+    value = c.pyapi.long_as_longlong(number)
+    c.pyapi.decref(number)
+    return NativeValue(value)
+
+
+class Entry:
+    """A kernel, compiled for arguments of given types, as another kernel calls it.
+
+    Attributes:
+        address: Where its machine code begins.
+    """
+
+    def __init__(self, kernel: Kernel, *arguments: Any) -> None:
+        """Args: kernel: made by `compiled`; arguments: of the types it is called with."""
+        kinds = tuple(map(kind_of, arguments))
+        found = overload(kernel, kinds)
+        self._kernel = kernel  # whose machine code it is
+        self._numba_type_ = EntryType(found.signature.return_type, kinds)
+        self.address = int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
+
+
+def kind_of(value: Any) -> Any:
+    """Numba's type of a value; remembered for arrays of records, of which Numba works it out anew each time."""
+    if (own := getattr(value, "_numba_type_", None)) is not None:
+        return own
+    if isinstance(value, tuple):
+        return types.BaseTuple.from_types(tuple(map(kind_of, value)), type(value))
+    if not isinstance(value, np.ndarray):
+        return typeof(value)
+    flags = value.flags
+    key = value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable
+    if key not in _KINDS:
+        _KINDS[key] = typeof(value)
+    return _KINDS[key]
+
+
+_KINDS: dict[Any, Any] = {}
+
+
+def overload(kernel: Kernel, kinds: tuple[Any, ...]) -> Any:
+    """What has been compiled of a kernel for arguments of given types; compiled now if it has not."""
+    if kinds not in kernel.overloads:
+        kernel.compile(kinds)
+    return kernel.overloads[kinds]
+
+
+class Handed(Held):
+    """A `Held` that is made often, of the same types each time."""
+
+    def __init__(self, value: Any) -> None:
+        """Args: value: the tuple."""
+        self.value = value
+        kind = kind_of(value)
+        self._numba_type_ = HeldType(kind)
+        context = cpu_target.target_context
+        self._memory = np.zeros(context.get_abi_sizeof(context.get_value_type(kind)) // 8 + 1, dtype=np.int64)
+        self.address = int(self._memory.__array_interface__["data"][0])
+        overload(_keep, (types.int64, kind)).entry_point(self.address, value)
+
+
+class Bound(NamedTuple):
+    """A kernel with its first arguments.
+
+    Attributes:
+        entry: The kernel.
+        arguments: The first of its arguments.
+    """
+
+    entry: Any
+    arguments: tuple[Any, ...]
+
+
+def bind(kernel: Kernel, first: tuple[Any, ...], rest: tuple[Any, ...]) -> Bound:
+    """A kernel with its first arguments, to be called with the rest by `call(*bound, rest)`.
+
+    Args:
+        kernel: Made by `compiled`.
+        first: Handed over once.
+        rest: Of the types that are handed over with each call.
+    """
+    return Bound(Entry(kernel, *first, *rest), first)
+
+
+def _call(typing: Any, entry: Any, first: Any, rest: Any) -> Any:
+    """What the kernel behind an entry returns; `first` and `rest` are tuples of its arguments."""
+    if not isinstance(entry, EntryType) or (*first.types, *rest.types) != entry.arguments:
+        return None
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind, *tuples = signature.args
+        address, *packed = arguments
+        values = [
+            builder.extract_value(values, number)
+            for values, of in zip(packed, tuples, strict=True)
+            for number in range(len(of.types))
+        ]
+        convention = context.call_conv
+        shape = convention.get_function_type(kind.returns, kind.arguments)
+        code = builder.inttoptr(address, shape.as_pointer())
+        status, result = convention.call_function(builder, code, kind.returns, kind.arguments, values)
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return result
+
+    return entry.returns(entry, first, rest), generate
+
+
+call: Any = intrinsic(_call)
