@@ -4,10 +4,20 @@ from typing import Any
 
 import numpy as np
 
-from controller.belief.kernels import N_Q, N_U
+from controller.belief.kernels import (
+    N_Q,
+    N_U,
+    Stage,
+    Walker,
+    accelerate,
+    impact,
+    new_stage,
+    place,
+    swing_foot,
+)
 from controller.belief.model import WalkerModel
-from controller.common.compiled import Array, inlined
-from controller.common.records import Leg, Observation, StanceState, Vector
+from controller.common.compiled import Array, compiled, inlined, nested
+from controller.common.records import OBSERVATION, Leg, Observation, StanceState, Vector
 
 LEGS = tuple(Leg)
 
@@ -20,10 +30,12 @@ MEMORY = np.dtype(
         ("dq", float, N_Q),  # [rad/s]
         ("torque", float, N_U),  # [N.m] held since, body order
         ("until", float),  # [s] the end of the impact
+        ("impact_time", float),  # [s] how long rates are predicted after a landing
+        ("limit", float, N_U),  # [N.m] of the motors, stance order
     ],
     align=True,
 )
-"""What an estimator keeps from tick to tick, where compiled code finds it."""
+"""What an estimator is and keeps from tick to tick, where compiled code finds it."""
 
 
 @inlined
@@ -43,6 +55,66 @@ def take(memory: Any, seen: Any, q: Array, dq: Array) -> None:
     for i in range(N_Q):
         m.q[i], m.dq[i] = q[i], dq[i]
     m.any, m.t = 1, seen.t
+
+
+@nested
+def turn_to(leg: int, seen: Any, q: Array, dq: Array) -> None:
+    """Fill the state measured in a row in the order of a leg that stands, 0 left, 1 right; (5,) each."""
+    for i in range(N_Q):
+        j = i ^ leg if i < N_U else i
+        q[i], dq[i] = seen.q[j], seen.dq[j]
+
+
+@nested
+def through(memory: Any, walker: Walker, seen: Any, q: Array, dq: Array) -> None:
+    """Take over a row in which a foot may land or an impact lasts; see `StanceEstimator`."""
+    m, stage = memory[0], new_stage()
+    before, landed = m.leg, False
+    if seen.contact[1 - before] != 0:
+        turn_to(before, seen, q, dq)
+        place(q, dq, stage)
+        ahead, _, _ = swing_foot(walker, stage)
+        landed = ahead > 0.0
+    if landed:
+        m.leg = 1 - before
+        m.until = seen.t + m.impact_time if m.any != 0 else -np.inf
+    turn_to(m.leg, seen, q, dq)
+    if m.any != 0 and seen.t < m.until:
+        carry(m, walker, before, seen.t, dq, stage)
+        if landed:
+            there, measured = np.empty(N_Q), np.empty(N_Q)
+            turn_to(before, seen, there, measured)
+            place(there, dq, stage)
+            impact(walker, there, dq, stage)
+    for i in range(N_Q):
+        m.q[i], m.dq[i] = q[i], dq[i]
+    m.any, m.t = 1, seen.t
+
+
+@nested
+def carry(m: Any, walker: Walker, leg: int, t: float, dq: Array, stage: Stage) -> None:
+    """Fill the last tick's rates, carried to t by the model, in the order of the leg that stood at it."""
+    u = stage.u
+    for i in range(N_U):
+        u[i] = min(max(m.torque[i ^ leg], -m.limit[i]), m.limit[i])
+    place(m.q, m.dq, stage)
+    accelerate(walker, m.dq, u, stage)
+    for i in range(N_Q):
+        dq[i] = m.dq[i] + (t - m.t) * stage.ddq[i]
+
+
+@nested
+def watch(memory: Any, walker: Walker, seen: Any, q: Array, dq: Array) -> None:
+    """Take over a row of `OBSERVATION`, whatever happens in it: fill the state in stance order, (5,) each."""
+    if calm(memory, seen):
+        take(memory, seen, q, dq)
+    else:
+        through(memory, walker, seen, q, dq)
+
+
+@compiled
+def _watch(memory: Any, walker: Walker, seen: Any, q: Array, dq: Array) -> None:
+    watch(memory, walker, seen[0], q, dq)
 
 
 class StanceEstimator:
@@ -67,8 +139,9 @@ class StanceEstimator:
             impact_time: How long rates are predicted after a landing in [s]; 0 takes every measured rate literally.
         """
         self._model = model
-        self._impact_time = impact_time
+        self._seen = np.zeros(1, OBSERVATION)
         self.memory = np.zeros(1, MEMORY)
+        self.memory["impact_time"], self.memory["limit"] = impact_time, model.torque_limits
         self._forget()
 
     @property
@@ -90,42 +163,16 @@ class StanceEstimator:
 
     def update(self, observation: Observation) -> StanceState:
         """State in stance order, after exchanging the legs if the swing foot has landed."""
-        left, right = observation.contact
-        landed = False
-        swing_landed = right if self.leg is Leg.LEFT else left
-        if swing_landed:
-            q, dq = self.leg.from_body(observation.q), self.leg.from_body(observation.dq)
-            ahead, _, _ = self._model.swing_foot(q, dq)
-            landed = ahead > 0.0
-        if not self._impact_time:
-            self.leg = self.leg.other if landed else self.leg
-            return StanceState(q=self.leg.from_body(observation.q), dq=self.leg.from_body(observation.dq), leg=self.leg)
-        state = self._through_impacts(observation, landed)
-        memory = self.memory
-        memory["any"], memory["t"], memory["q"], memory["dq"] = 1, observation.t, state.q, state.dq
-        return state
+        row, q, dq = self._seen[0], np.empty(N_Q), np.empty(N_Q)
+        row["t"], row["q"], row["dq"], row["contact"] = (
+            observation.t,
+            observation.q,
+            observation.dq,
+            observation.contact,
+        )
+        _watch(self.memory, self._model.lumped, self._seen, q, dq)
+        return StanceState(q=q, dq=dq, leg=self.leg)
 
     def held(self, torque: Vector) -> None:
         """Tell which torque is commanded until the next tick in [N.m], (4,), body order; the limits cut it."""
         self.memory["torque"] = torque
-
-    def _through_impacts(self, observation: Observation, landed: bool) -> StanceState:
-        """The state with rates predicted while an impact lasts."""
-        before, memory = self.leg, self.memory[0]
-        if landed:
-            self.leg = before.other
-            memory["until"] = observation.t + self._impact_time if memory["any"] else -np.inf
-        q, dq = self.leg.from_body(observation.q), self.leg.from_body(observation.dq)
-        if memory["any"] and observation.t < memory["until"]:
-            dq = self._carried(observation.t, before)
-            if landed:
-                _, dq = self._model.impact(before.from_body(observation.q), dq)
-        return StanceState(q=q, dq=dq, leg=self.leg)
-
-    def _carried(self, t: float, leg: Leg) -> Vector:
-        """The last tick's rates, carried to now by the model, in the stance order of the leg that stood at it."""
-        then, q, dq = float(self.memory["t"][0]), self.memory["q"][0].copy(), self.memory["dq"][0].copy()
-        limit = self._model.torque_limits
-        u = np.clip(leg.from_body(self.memory["torque"][0]), -limit, limit)
-        found: Vector = dq + (t - then) * self._model.acceleration(q, dq, u)
-        return found

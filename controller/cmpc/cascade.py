@@ -8,7 +8,7 @@ import numpy as np
 from controller.belief import Friction, Gains, Gait, Law, Loop, WalkerModel
 from controller.belief.friction import ROWS, UNLIMITED, cone, excess
 from controller.belief.kernels import N_Q, N_U
-from controller.belief.stance import calm, take
+from controller.belief.stance import watch
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict, roll_out, within_reason
 from controller.common.compiled import Array, compile_for, compiled, nested
 from controller.common.held import Held, held
@@ -150,12 +150,9 @@ class CascadedMpc(Law):
             return
         parts, memory = self._parts(solver), self.stance.memory
         self._plan = None
-        found = foresee(parts, memory, seen, i)
-        if found == EVENTFUL:
-            state = self.stance.update(observation_of(seen[i]))
-            found = foresee_from(parts, state.q, state.dq)
+        ready = foresee(parts, memory, seen, i)
         horizon, problem = parts.value.horizon, parts.value.problem
-        if found == READY:
+        if ready:
             started = time.perf_counter()
             if settle(parts, memory, step, i):
                 step["solve_s"][i] = time.perf_counter() - started
@@ -207,31 +204,20 @@ class Parts(NamedTuple):
     state: State
 
 
-EVENTFUL, ABSURD, READY = range(3)
-"""A foot lands or an impact lasts; the prediction diverged; the problem is there."""
-
 OPTIMAL = list(Status).index(Status.OPTIMAL)
 
 
 @compiled
-def foresee(parts: Any, memory: Any, seen: Any, i: int) -> int:
-    """Predict from row `i` of `seen` and build the problem, where no foot lands and no impact lasts."""
-    if not calm(memory, seen[i]):
-        return EVENTFUL
-    q, dq = np.empty(N_Q), np.empty(N_Q)
-    take(memory, seen[i], q, dq)
-    return foresee_from(parts, q, dq)
-
-
-@compiled
-def foresee_from(parts: Any, q: Array, dq: Array) -> int:
-    """Predict from a state in stance order and build the problem."""
+def foresee(parts: Any, memory: Any, seen: Any, i: int) -> bool:
+    """Predict from row `i` of `seen` and build the problem; false where the prediction diverges."""
     p = held(parts)
+    q, dq = np.empty(N_Q), np.empty(N_Q)
+    watch(memory, p.loop.walker, seen[i], q, dq)
     roll_out(p.loop, q, dq, p.horizon)
     if not within_reason(p.horizon.x, p.horizon.force):
-        return ABSURD
+        return False
     fill(p.horizon, p.weights, p.limit, p.friction, p.problem)
-    return READY
+    return True
 
 
 @compiled

@@ -7,7 +7,7 @@ import numpy as np
 from controller.belief import Law, Loop
 from controller.belief.closed_loop import ZeroDynamicsStep, zero_dynamics
 from controller.belief.kernels import N_Q, N_U
-from controller.belief.stance import calm, take
+from controller.belief.stance import watch
 from controller.common.compiled import compiled
 from controller.common.entry import Bound, bind
 from controller.common.held import Held, held
@@ -17,8 +17,6 @@ from controller.common.records import (
     Rows,
     Status,
     Vector,
-    observation_of,
-    write_step,
 )
 
 
@@ -40,13 +38,11 @@ ZD_PD = list(Status).index(Status.ZD_PD)
 
 
 @compiled
-def decide(loop: Any, memory: Any, seen: Any, step: Any, i: int) -> bool:
-    """Fill row `i` of `step` from that of `seen` where no foot lands and no impact lasts; whether that is so."""
-    if not calm(memory, seen[i]):
-        return False
+def decide(loop: Any, memory: Any, seen: Any, step: Any, i: int) -> None:
+    """Fill row `i` of `step` from that of `seen`."""
     q, dq = np.empty(N_Q), np.empty(N_Q)
-    take(memory, seen[i], q, dq)
     those = held(loop)
+    watch(memory, those.walker, seen[i], q, dq)
     zd = zero_dynamics(those, q, dq)
     m, out = memory[0], step[i]
     for joint in range(N_U):
@@ -60,7 +56,6 @@ def decide(loop: Any, memory: Any, seen: Any, step: Any, i: int) -> bool:
     out.slack = out.solve_s = out.followed = 0.0
     out.impact_in, out.iterations, out.active = -1, 0, 0
     out.status, out.stance, out.fallback = ZD_PD, m.leg, 0
-    return True
 
 
 class ZeroDynamicsController(Law):
@@ -88,12 +83,11 @@ class ZeroDynamicsController(Law):
         )
 
     def decide(self, seen: Rows, step: Rows, i: int) -> None:
-        """The same from row to row: in compiled code, but for the few ticks around a landing."""
-        if not decide(self._kept(), self.stance.memory, seen, step, i):
-            write_step(step, i, self.step(observation_of(seen[i])))
+        """The same from row to row, in compiled code."""
+        decide(self._kept(), self.stance.memory, seen, step, i)
 
     def bound(self, seen: Rows, step: Rows) -> Bound | None:
-        """The kernel of `decide`, with rows of these types; False from it where no row was filled."""
+        """The kernel of `decide`, with rows of these types."""
         if type(self) is not ZeroDynamicsController:
             return None  # one that may do more
         return bind(decide, (self._kept(), self.stance.memory), (seen, step, 0))

@@ -1,7 +1,7 @@
 """Ticks in which nothing happens, one after the other in compiled code: look, judge, decide, push, hold.
 
 The kernels are those that the loop calls one by one, of any plant and any law that hand them over. Where there is
-something to tell, or a law wants Python for its decision, the loop goes on from within that very tick.
+something to tell, the loop goes on from within that very tick.
 """
 
 import time
@@ -22,7 +22,7 @@ from sim.loop.ticks import Ticks
 
 LONGEST = 0.02  # [s] of wall time from one look of Python's at the run to the next
 LOOKED, FINE = -1, 0
-"""How a ride ended: a tick has been looked at and judged, and waits for its decision; or as the last hold did."""
+"""How a ride ended: there is something to tell of a tick that waits for its decision; or as the last hold did."""
 
 Flags = NDArray[np.bool_]
 
@@ -44,10 +44,10 @@ class RidingPlant(Protocol):
 
 @runtime_checkable
 class RidingLaw(Protocol):
-    """A law of which all that most ticks need is compiled."""
+    """A law of which all that a tick needs is compiled."""
 
     def bound(self, seen: Rows, step: Rows) -> Bound | None:
-        """Kernel called as `decide(seen, step, i)`; False, and nothing done, where a tick wants Python."""
+        """Kernel called as `decide(seen, step, i)`."""
 
 
 class Parts(NamedTuple):
@@ -85,8 +85,7 @@ def ride(parts: Any, clock: int, i: int, end: int) -> tuple[int, int, int]:
             return i, LOOKED, found
         _clock_gettime(clock, p.time_at)
         started = p.time[0] + 1e-9 * p.time[1]
-        if not call(p.decide.entry, p.decide.arguments, (p.seen, p.step, i)):
-            return i, LOOKED, 0
+        call(p.decide.entry, p.decide.arguments, (p.seen, p.step, i))
         _clock_gettime(clock, p.time_at)
         now = p.time[0] + 1e-9 * p.time[1]
         p.tick_s[i] = now - started
