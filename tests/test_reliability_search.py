@@ -13,6 +13,7 @@ from sim.trials.reliability.differences import beta_difference, paired, probabil
 from sim.trials.reliability.draws import draw, normal_draws
 from sim.trials.reliability.nearest import Mode, nearest
 from sim.trials.reliability.probability import OWN, estimate, importance, interval, plain
+from sim.trials.reliability.sensitivity import sobol_of_margin
 from sim.trials.reliability.subset import subset
 from tests.reliability_proof import MOST, searched
 
@@ -144,3 +145,12 @@ def test_a_certificate_takes_little_more_than_the_fewest_walks_there_are():
     test = Certificate(probability=1e-3, confidence=0.95)
     assert 2995 <= test.least <= 3400  # 2995: ln(0.05) / ln(1 - 1e-3), for one look alone
     assert test.verdict(0, test.least - 1) is Verdict.OPEN and test.verdict(30, 500) is Verdict.REFUSED
+
+
+def test_indices_of_a_margin_are_those_of_a_surface_that_is_known():
+    u = np.random.default_rng(0).normal(size=(150, 6))
+    found = sobol_of_margin(u, 2.0 + u[:, 1] + 0.5 * u[:, 1] * u[:, 4])  # variances 1 and 0.25
+    assert found.accuracy > 0.9 and found.first[1] == pytest.approx(0.8, abs=0.05)
+    assert found.first[4] < 0.05 and found.total[4] == pytest.approx(0.2, abs=0.06)
+    assert found.total[[0, 2, 3, 5]].max() < 0.03 and sobol_of_margin(u, np.ones(150)) is None
+    assert sobol_of_margin(u, np.random.default_rng(1).normal(size=150)).accuracy < 0.2

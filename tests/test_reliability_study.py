@@ -6,13 +6,18 @@ import json
 import numpy as np
 import pytest
 
+from sim.commands import nearest
+from sim.commands.trials import _open
 from sim.errors import UserError
+from sim.review.campaign import review_campaign
 from sim.scenario import Scenario
 from sim.trials.plan.plan import from_toml
 from sim.trials.report.reliability_checks import crude_checks, repeats
 from sim.trials.report.reliability_findings import certificates, reliability_findings
 from sim.trials.report.report import write_report
+from sim.trials.report.reviews import beside_of, log_of, review_of
 from sim.trials.report.summary import summarise
+from sim.trials.run import workers as pools
 from sim.trials.run.campaign import Results, _run, run_plan
 from sim.trials.run.recall import stored_scenario
 from sim.trials.run.replay import Replays
@@ -95,6 +100,12 @@ def fake(hard: dict[str, float], order: int = 1, most: int = 10**9):
     return execute
 
 
+@pytest.fixture(scope="module")
+def results():
+    """The plan's, run to the end."""
+    return ran(from_toml(PLAN))
+
+
 def never() -> None:
     """No reason to stop."""
 
@@ -148,9 +159,9 @@ def test_plans_that_are_not_legal_are_refused_in_a_line(text):
     assert BAD[text] in str(error.value) and "\n" not in str(error.value)
 
 
-def test_the_course_is_the_same_in_any_order_and_after_any_stop():
+def test_the_course_is_the_same_in_any_order_and_after_any_stop(results):
     plan = from_toml(PLAN)
-    reference = list(ran(plan))
+    reference = list(results)
     assert list(ran(plan, order=-1)) == reference
     little = dataclasses.replace(plan.reliability[0], search=1)
     assert len(list(ran(dataclasses.replace(plan, reliability=(little,))))) < len(reference)
@@ -164,24 +175,22 @@ def test_the_course_is_the_same_in_any_order_and_after_any_stop():
 
 @pytest.mark.parametrize("method", ["subset", "directional", "crude"])
 def test_each_way_to_a_probability_goes_on_after_any_stop(method):
-    plan = from_toml(PLAN.replace("most = 150", f'most = 600\nprobability = "{method}"'))
+    plan = from_toml(PLAN.replace('"zd-pd", ', "").replace("most = 150", f'most = 600\nprobability = "{method}"'))
     reference = list(ran(plan))
     store = Store(None, write=True)
     for most in (1, 400, 10**9):
         stopped = iter([None, "stop"]) if most < 10**9 else iter([None] * 1000)
         results = _run(plan, store, fake(HARD, most=most), None, lambda stopped=stopped: next(stopped, "stop"))
     assert list(results) == reference
-    pd, mpc = reliability_findings(results, plan.reliability[0]).each
-    for one, truth in ((pd, 0.0668), (mpc, 0.00256)):
-        p = one.found.probability
-        assert p.method == method and p.low <= truth <= p.high
+    (mpc,) = reliability_findings(results, plan.reliability[0]).each
+    p = mpc.found.probability
+    assert p.method == method and p.low <= 0.00256 <= p.high
     assert {"subset": "subset simulation", "directional": "directional sampling", "crude": "draws"}[
         method
     ] in summarise(results)
 
 
-def test_a_study_says_how_far_what_of_and_how_probable(tmp_path):
-    results = ran(from_toml(PLAN))
+def test_a_study_says_how_far_what_of_and_how_probable(results, tmp_path):
     found = reliability_findings(results, results.plan.reliability[0])
     pd, mpc = found.each
     assert pd.found.beta == pytest.approx(1.5, rel=0.02) and mpc.found.beta == pytest.approx(2.8, rel=0.03)
@@ -193,28 +202,29 @@ def test_a_study_says_how_far_what_of_and_how_probable(tmp_path):
     (against,) = found.against
     assert against.beta_interval[0] <= against.beta <= against.beta_interval[1]
     assert against.probability_interval[0] < -0.01 < against.probability_interval[1] + 0.2
+    assert pd.margin.accuracy > 0.9 and pd.margin.total[:2] == pytest.approx([0.64, 0.36], abs=0.1)
     assert pd.halves[0].value < pd.found.probability.value > pd.halves[1].value
     page = write_report(results, tmp_path).read_text()
     assert "deviations" in page and f"zd-pd/{pd.sides[0].outside.trial}" in page
     assert "near: zd-pd: nearest fall at 1.5" in summarise(results)
 
 
-def test_plain_draws_find_no_fall_that_is_nearer_and_as_many_as_the_study_says():
+def test_plain_draws_find_no_fall_that_is_nearer_and_as_many_as_the_study_says(results):
     plan = from_toml(PLAN)
-    found = reliability_findings(results := ran(plan), results.plan.reliability[0])
-    crude = dataclasses.replace(plan.reliability[0], draws=3000, rays=0, scales=(), modes=0, pairs=())
+    found = reliability_findings(results, results.plan.reliability[0])
+    crude = dataclasses.replace(plan.reliability[0], draws=1500, rays=0, scales=(), modes=0, pairs=())
     plain = ran(dataclasses.replace(plan, seed=5, reliability=(crude,)))
     pd, mpc = crude_checks(found, plain, crude)
-    assert pd.draws == 3000 and pd.falls == pytest.approx(0.0668 * 3000, rel=0.25) and not pd.nearer
+    assert pd.draws == 1500 and pd.falls == pytest.approx(0.0668 * 1500, rel=0.25) and not pd.nearer
     assert pd.beta <= pd.nearest and plain.store.result("zd-pd", int(pd.trial.split("/")[1])).fell
     assert "never farther" in pd.lines[0] and "inside its interval, the two agree" in pd.lines[1]
     farther = dataclasses.replace(mpc, beta=mpc.nearest + 0.1, nearer=1, probability=(0.5, 0.4, 0.6))
     assert "FARTHER than 1 of" in farther.lines[0] and "outside its interval, the two do not agree" in farther.lines[1]
 
 
-def test_a_study_repeated_under_other_seeds_says_how_far_its_distances_spread():
-    plans = [from_toml("seed = " + str(seed) + "\n" + PLAN) for seed in (0, 1, 2)]
-    found = [reliability_findings(ran(plan), plan.reliability[0]) for plan in plans]
+def test_a_study_repeated_under_other_seeds_says_how_far_its_distances_spread(results):
+    plans = [from_toml("seed = " + str(seed) + "\n" + PLAN) for seed in (1, 2)]
+    found = [reliability_findings(one, one.plan.reliability[0]) for one in (results, *map(ran, plans))]
     pd, mpc = repeats((0, 1, 2), found)
     assert (pd.controller, mpc.controller) == ("zd-pd", "c-mpc") and pd.spread < 0.03 and len(set(pd.betas)) == 3
     three = dataclasses.replace(pd, betas=(1.9, 2.0, 2.1))
@@ -222,8 +232,30 @@ def test_a_study_repeated_under_other_seeds_says_how_far_its_distances_spread():
     assert "10.0 % of the mean, standard deviation 5.0 %" in three.lines[0] and len(three.lines) == 5
 
 
-def test_rows_of_another_search_are_refused():
-    results = ran(from_toml(PLAN))
+def test_pairs_of_axes_can_be_added_to_a_study_that_is_over(tmp_path, monkeypatch):
+    monkeypatch.setattr(pools, "local", lambda campaign, workers: fake(HARD))
+    plan = from_toml(PLAN)
+    before = list(first := run_plan(plan, tmp_path, mix=True))
+    first.store.close()
+    more = nearest.with_pairs(plan, "push, damping; push, bias", tmp_path)
+    assert more.reliability[0].pairs == ("push, bias", "push, damping")
+    for again in (more, plan):  # the second asks for nothing, and forgets nothing
+        results = run_plan(again, tmp_path, mix=True)
+        assert results.plan == more
+        after = list(results)
+        assert set(before) < set(after)
+        results.store.close()
+    there = _open(tmp_path)
+    _, plane = reliability_findings(there, there.plan.reliability[0]).each[0].found.planes
+    away = 2.0 * np.pi * 15 / 16  # between the two axes, where pushes and little damping add up
+    assert plane[0] == pytest.approx(1.5 / 0.8, rel=0.02)
+    assert plane[15] == pytest.approx(1.5 / (0.8 * np.cos(away) - 0.6 * np.sin(away)), rel=0.02)
+    other = dataclasses.replace(more, reliability=(dataclasses.replace(more.reliability[0], pairs=()),), seed=3)
+    with pytest.raises(UserError, match="seed"):
+        run_plan(other, tmp_path)
+
+
+def test_rows_of_another_search_are_refused(results):
     other = dataclasses.replace(results.plan, seed=9)
     with pytest.raises(UserError, match="not what the search asks for"):
         Replays(other, results.store).replay(other.reliability[0], 0, "zd-pd")
@@ -249,6 +281,13 @@ def test_the_walk_just_inside_walks_again_and_the_fall_falls_again(tmp_path):
     results = run_plan(plan, tmp_path, workers=1)
     (found,) = reliability_findings(results, plan.reliability[0]).each
     side = found.sides[0]
+    told = []
+    review_campaign(results, tmp_path, 1, told.append, lambda: None)
+    assert told[-1] == "1 of 1 nearest falls fall again, and the walk just inside each walks"
+    page = (tmp_path / "report.html").read_text()
+    for link in (review_of(side.inside), review_of(side.outside), beside_of(side.inside, side.outside)):
+        assert f'href="{link}"' in page and (tmp_path / link).is_file()
+    assert f"cmpc video {tmp_path / log_of(side.inside)} {tmp_path / log_of(side.outside)}" in page
     results.store.close()
     for trial in (side.inside, side.outside):
         scenario = stored_scenario(f"{tmp_path}#zd-pd/{trial.trial}")

@@ -1,4 +1,4 @@
-"""Checks of a plan's study of the nearest fall: under other seeds (--repeat), against plain draws (--check-crude)."""
+"""Options for a plan's study of the nearest fall: other seeds (--repeat), plain draws (--check-crude), more --pairs."""
 
 import re
 from argparse import Namespace
@@ -16,11 +16,37 @@ if TYPE_CHECKING:
 
 
 def add_checks(parser: flags.Parser) -> None:
-    """Add the options of both checks."""
+    """Add the options of both checks, and of more pairs of axes."""
     text = "the plan's [[reliability]] study under INT seeds, each in DIR/seed-K, and the spread of its distance"
     parser.add_argument("--repeat", type=flags.whole(2), metavar="INT", help=text)
     text = "the [[reliability]] study against INT plain draws, in DIR/crude-INT: nearest fall and share of falls"
     parser.add_argument("--check-crude", type=flags.whole(10), metavar="INT", help=text)
+    text = '"axis, axis; axis, axis": planes to search all around too, also of a study that is over'
+    parser.add_argument("--pairs", metavar="LIST", help=text)
+
+
+def with_pairs(plan: "Plan", text: str, out: Path) -> "Plan":
+    """A plan whose study goes on to the planes of more pairs of axes.
+
+    Args:
+        plan: The plan.
+        text: "axis, axis" for each, with semicolons between.
+        out: Folder of its results; pairs that its study has there stay.
+
+    Raises:
+        UserError: the plan has no study of the nearest fall, or no such axes.
+    """
+    from sim.trials.run.folder import FILE
+    from sim.trials.run.recall import open_results
+
+    study = _only(plan).reliability[0]
+    pairs = list(study.pairs)
+    if (out / FILE).is_file():
+        there, store = open_results(out)
+        store.close()
+        pairs = [pair for other in there.reliability if other.name == study.name for pair in other.pairs] or pairs
+    pairs += [pair.strip() for pair in text.split(";") if pair.strip() and pair.strip() not in pairs]
+    return replace(plan, reliability=(replace(study, pairs=tuple(pairs)), *plan.reliability[1:]))
 
 
 def repeat(plan: "Plan", out: Path, found: Namespace) -> int:
@@ -86,7 +112,9 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
 
 def _only(plan: "Plan") -> "Plan":
     if not plan.reliability:
-        raise UserError(f"plan {plan.name!r}: has no [[reliability]] study; --repeat and --check-crude need one")
+        raise UserError(
+            f"plan {plan.name!r}: has no [[reliability]] study; --repeat, --check-crude and --pairs need one"
+        )
     return replace(plan, grid=(), margin=(), montecarlo=(), certificate=(), reliability=plan.reliability[:1])
 
 
@@ -98,7 +126,9 @@ def _is_there(plan: "Plan", out: Path) -> bool:
     if not (out / FILE).is_file():
         return False
     there, found = _findings(out)
-    same = not differences(_only(there), replace(plan, controllers=there.controllers))
+    theirs = _only(there)
+    mine = replace(plan.reliability[0], pairs=theirs.reliability[0].pairs)
+    same = not differences(theirs, replace(plan, controllers=there.controllers, reliability=(mine,)))
     return same and {one.controller for one in found.each} >= {*plan.controllers}
 
 

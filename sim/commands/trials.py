@@ -106,6 +106,8 @@ def _run(found: Namespace) -> int:
         raise UserError(f"cmpc trials {found.plan} needs --out DIR, a folder for its results; it is made if missing")
     if found.controllers is not None:
         plan = replace(plan, controllers=kinds_of(found.controllers))
+    if found.pairs is not None:
+        plan = nearest.with_pairs(plan, found.pairs, Path(found.out))
     if (found.repeat or found.check_crude) and (found.restart or (found.repeat and found.check_crude)):
         raise UserError("--repeat, --check-crude and --restart: must be one of them at a time")
     if found.repeat:

@@ -19,9 +19,12 @@ from sim.review.facts import geometry
 from sim.review.page import write_page
 from sim.review.signals import Signals, signals_of
 from sim.trials.falls.recorded import recorded_verdict
-from sim.trials.report.report import FALLS, REPORT, REVIEWS, review_name, write_report
+from sim.trials.plan import CertificateStudy, ReliabilityStudy
+from sim.trials.report.reliability_findings import reliability_findings
+from sim.trials.report.report import FALLS, REPORT, write_report
+from sim.trials.report.reviews import REVIEWS, beside_of, log_of, review_of
 from sim.trials.run import Results, TrialResult
-from sim.trials.run.trial import trial_scenario
+from sim.trials.run.recall import scenario_of
 
 MOMENTS = 6  # of a small picture
 BEFORE = 0.25  # [s] before the fall begins that it shows
@@ -48,6 +51,9 @@ def review_campaign(
 ) -> Path:
     """Run some of a campaign's falls again, with logs, and write their pages and one with all of them.
 
+    Of a study of the nearest fall every reported one is among them, and the walk just inside beside it; whether these
+    walk and fall as they did is told.
+
     Args:
         results: Of the campaign.
         folder: Where they are; what is there already is not run again.
@@ -61,7 +67,9 @@ def review_campaign(
     Raises:
         UserError: nothing fell, or the folder cannot be written.
     """
-    falls = _chosen(results, most)
+    edges = list(_edges(results))
+    found = {(row.controller, row.trial): row for row in [*(fall for fall, _ in edges), *_chosen(results, most)]}
+    falls = list(found.values())[: max(most, len(edges))]
     if not falls:
         raise UserError(f"{folder}: no trial of this campaign fell; there is nothing to review")
     try:
@@ -74,19 +82,45 @@ def review_campaign(
             break
         looked = _look(results, folder, row, tell)
         shown.append(_small(looked, folder))
-    for fall, survivor in _pairs(results, falls):
+    as_before = 0
+    for place, (fall, survivor) in enumerate([*edges, *_pairs(results, falls)]):
         if stop():
             break
         one, other = _look(results, folder, fall, tell), _look(results, folder, survivor, tell)
-        page = f"{REVIEWS}/{Path(other.page).stem}-beside-{Path(one.page).stem}.html"
+        page = beside_of(survivor, fall)
         if not (folder / page).exists():
             write_page([salvage(folder / other.log), salvage(folder / one.log)], folder / page)
-        pairs.append({"page": page, "fall": _words(fall), "survivor": _words(survivor), "logs": (other.log, one.log)})
+        pairs.append(
+            {
+                "page": page,
+                "fall": _words(fall),
+                "survivor": _words(survivor),
+                "logs": (other.log, one.log),
+                "film": beside_of(survivor, fall, ".gif"),
+            }
+        )
+        if place < len(edges):
+            as_before += all(_ended(folder / side.log) == side.row.outcome for side in (one, other))
+            if place == len(edges) - 1:
+                tell(f"{as_before} of {len(edges)} nearest falls fall again, and the walk just inside each walks")
     title = f"{results.plan.name}: falls"
     body = pages.render("falls.html", title=title, shown=shown, pairs=pairs, back=REPORT)
     pages.write(folder / FALLS, body)
     write_report(results, folder)  # its rows lead to the reviews
     return folder / FALLS
+
+
+def _edges(results: Results) -> Iterator[tuple[TrialResult, TrialResult]]:
+    """Every reported nearest fall of the studies that search for them, and the walk just inside."""
+    for study in results.plan.studies:
+        if isinstance(study, ReliabilityStudy):
+            for one in reliability_findings(results, study).each:
+                yield from ((side.outside, side.inside) for side in one.sides if side.inside is not None)
+
+
+def _ended(log: Path) -> str:
+    """How the run of a log ended."""
+    return str(run_of(salvage(log)).result.get("outcome", ""))
 
 
 def _chosen(results: Results, most: int) -> list[TrialResult]:
@@ -105,13 +139,12 @@ def _chosen(results: Results, most: int) -> list[TrialResult]:
 
 def _look(results: Results, folder: Path, row: TrialResult, tell: Callable[[str], None]) -> Looked:
     """A trial's log and page, made where they are missing."""
-    page = f"{REVIEWS}/{review_name(row.controller, row.trial)}"
-    log = str(Path(page).with_suffix(".mcap"))
+    page, log = review_of(row), log_of(row)
     if not (folder / log).exists():
         tell(f"{row.controller}/{row.trial}")
         growing = folder / f"{log}.partial"  # a killed run leaves no half log under a name that counts
         growing.unlink(missing_ok=True)
-        run_scenario(trial_scenario(results.plan, row.controller, row.trial), log=growing)
+        run_scenario(scenario_of(results.plan, row), log=growing)
         growing.replace(folder / log)
     if not (folder / page).exists():
         write_page([salvage(folder / log)], folder / page)
@@ -119,8 +152,12 @@ def _look(results: Results, folder: Path, row: TrialResult, tell: Callable[[str]
 
 
 def _pairs(results: Results, falls: Sequence[TrialResult]) -> Iterator[tuple[TrialResult, TrialResult]]:
-    """Of each controller in each study the fall that has a survivor nearest to it, and that survivor."""
-    for study, controller in dict.fromkeys((row.study, row.controller) for row in falls):
+    """Of each controller in each study the fall that has a survivor nearest to it, and that survivor.
+
+    Studies that search for them have said so already.
+    """
+    searched = {s.name for s in results.plan.studies if isinstance(s, ReliabilityStudy | CertificateStudy)}
+    for study, controller in dict.fromkeys((row.study, row.controller) for row in falls if row.study not in searched):
         rows = [row for row in results if row.study == study and row.controller == controller and row.known]
         width = _widths(rows)
         best: tuple[float, TrialResult, TrialResult] | None = None

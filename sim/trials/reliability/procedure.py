@@ -108,7 +108,9 @@ def _study(
     if found.modes and found.modes[0].beta == 0.0:
         planes = [(0.0,) * SPOKES for _ in study.planes]
     else:
-        planes = yield from together([_plane(n, *pair) for pair in study.planes])
+        planes = []
+        for one, other in study.planes:  # one after another, so that pairs can be added to a study that is over
+            planes.append((yield from _plane(n, one, other)))
     return Found(draws=draws, nearest=found, sample=sample, probability=estimate(sample), planes=tuple(planes))
 
 

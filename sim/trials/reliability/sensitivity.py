@@ -1,6 +1,7 @@
-"""Which errors matter: importance at the nearest fall, what halving a spread changes, Sobol' indices of the fall."""
+"""Which errors matter: importance at the nearest fall, what halving a spread changes, Sobol' indices."""
 
 import functools
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from sim.trials.reliability.probability import Probability, Sample, estimate
 
 FEWEST = 10  # falls, and walks, from which a model of the fall is fitted
 FOLDS = 5
+TOGETHER = 4  # axes whose products a model of the margin has
 BASE = 512  # base points of Saltelli's design; n + 2 evaluations of the model each
 
 
@@ -38,13 +40,14 @@ def halved(sample: Sample, axis: int) -> Probability:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sobol:
-    """Sobol' indices of the fall, of a model fitted to the walks.
+    """Sobol' indices of a model fitted to the walks.
 
     Attributes:
-        first: Part of the variance of fall or walk that each axis explains alone, (n,).
-        total: Part that would go if it alone were known, with all it does together with others, (n,).
-        accuracy: Share of walks that the model foretells when it has not seen them (5-fold cross-validation).
-        guess: The same for the more frequent answer every time.
+        first: Part of the variance that each axis explains alone, (n,).
+        total: Part that would stay if all others were known, with all it does together with them, (n,).
+        accuracy: Share of walks whose fall the model foretells when it has not seen them, or the part of a margin's
+            variance that it does (5-fold cross-validation).
+        guess: The same for the more frequent answer, or the mean, every time.
     """
 
     first: Array
@@ -54,7 +57,7 @@ class Sobol:
 
 
 def sobol(u: Array, fell: Array) -> Sobol | None:
-    """Sobol' indices of a logistic model with each axis and its square; None with too few falls or walks.
+    """Sobol' indices of the fall, by a logistic model with each axis and its square; None with too few falls or walks.
 
     Args:
         u: Walks in standard normal space, (k, n).
@@ -65,42 +68,87 @@ def sobol(u: Array, fell: Array) -> Sobol | None:
     """
     if min(fell.sum(), len(fell) - fell.sum()) < FEWEST:
         return None
+    unseen = _unseen(u, fell, _fitted)
+    right = float(((unseen > 0.5) == (fell > 0.5)).mean())
+    share = float(fell.mean())
+    return _indices(_fitted(u, fell), u.shape[1], right, max(share, 1.0 - share))
+
+
+def sobol_of_margin(u: Array, margin: Array) -> Sobol | None:
+    """Sobol' indices of a walk's least margin, by a quadratic model; None with too few walks, or if it never varies.
+
+    Each axis and its square, and products of the strongest axes.
+
+    Args:
+        u: Walks in standard normal space, (k, n).
+        margin: Of each, (k,).
+
+    Raises:
+        UserError: SALib is not installed.
+    """
+    if len(u) < 2 * FEWEST or np.ptp(margin) < 1e-9:
+        return None
+    missed = float(((margin - _unseen(u, margin, _surface)) ** 2).sum() / ((margin - margin.mean()) ** 2).sum())
+    return _indices(_surface(u, margin), u.shape[1], max(0.0, 1.0 - missed), 0.0)
+
+
+Model = Callable[[Array], Array]
+
+
+def _unseen(u: Array, y: Array, fit: Callable[[Array, Array], Model]) -> Array:
+    """What models say of walks that they were not fitted to, (k,)."""
+    found = np.zeros(len(u))
+    for fold in range(FOLDS):
+        out = np.arange(len(u)) % FOLDS == fold
+        found[out] = fit(u[~out], y[~out])(u[out])
+    return found
+
+
+def _indices(model: Model, n: int, accuracy: float, guess: float) -> Sobol | None:
+    """Sobol' indices of a model of n standard normal axes, by SALib with Saltelli's design; None if it never varies."""
     try:
         from SALib.analyze import sobol as analysis
         from SALib.sample import sobol as design
     except ImportError as error:
         raise UserError("Sobol' indices need SALib; install cmpc-walker[reliability]") from error
-    right = 0.0
-    for fold in range(FOLDS):
-        out = np.arange(len(u)) % FOLDS == fold
-        right += float(((_fitted(u[~out], fell[~out])(u[out]) > 0.5) == (fell[out] > 0.5)).sum())
-    n = u.shape[1]
     if n < 2:
-        one = np.ones(1)
-        return Sobol(first=one, total=one, accuracy=right / len(u), guess=_guess(fell))
+        return Sobol(first=np.ones(1), total=np.ones(1), accuracy=accuracy, guess=guess)
     names = [str(k) for k in range(n)]
     problem = {"num_vars": n, "names": names, "bounds": [[0.0, 1.0]] * n, "dists": ["norm"] * n}
-    points = design.sample(problem, BASE, calc_second_order=False, seed=0)
-    model = _fitted(u, fell)(points)
-    if np.ptp(model) < 1e-9:
+    y = model(design.sample(problem, BASE, calc_second_order=False, seed=0))
+    if np.ptp(y) < 1e-9:
         return None
-    found = analysis.analyze(problem, model, calc_second_order=False, num_resamples=2, seed=0)
-    return Sobol(
-        first=np.clip(found["S1"], 0.0, 1.0), total=np.clip(found["ST"], 0.0, None),
-        accuracy=right / len(u), guess=_guess(fell),
-    )  # fmt: skip
+    found = analysis.analyze(problem, y, calc_second_order=False, num_resamples=2, seed=0)
+    first, total = np.clip(found["S1"], 0.0, 1.0), np.clip(found["ST"], 0.0, None)
+    return Sobol(first=first, total=total, accuracy=accuracy, guess=guess)
 
 
-def _guess(fell: Array) -> float:
-    share = float(fell.mean())
-    return max(share, 1.0 - share)
+def _surface(u: Array, margin: Array) -> Model:
+    """A margin by least squares with a ridge: each axis, its square, and products of the `TOGETHER` strongest axes."""
+    mean = float(margin.mean())
+    slopes = np.abs(u.T @ (margin - mean))
+    pairs = list(itertools.combinations(np.sort(np.argsort(-slopes)[:TOGETHER]), 2))
+
+    def features(u: Array) -> Array:
+        return np.column_stack((_features(u), *(u[:, i] * u[:, j] for i, j in pairs)))
+
+    x = features(u)
+    ridge = np.eye(x.shape[1])
+    ridge[0, 0] = 1e-9
+    weights = np.linalg.solve(x.T @ x + ridge, x.T @ (margin - mean))
+
+    def surface(u: Array) -> Array:
+        found: Array = mean + features(u) @ weights
+        return found
+
+    return surface
 
 
 def _features(u: Array) -> Array:
     return np.column_stack((np.ones(len(u)), u, u**2 - 1.0))
 
 
-def _fitted(u: Array, fell: Array) -> Callable[[Array], Array]:
+def _fitted(u: Array, fell: Array) -> Model:
     """Probability of a fall by a logistic regression with a ridge, as a function of points."""
     x = _features(u)
     ridge = np.eye(x.shape[1])

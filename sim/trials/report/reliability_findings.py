@@ -12,7 +12,7 @@ from sim.trials.reliability.differences import beta_difference, probability_diff
 from sim.trials.reliability.nearest import Mode
 from sim.trials.reliability.probability import Probability
 from sim.trials.reliability.procedure import Certified, Found
-from sim.trials.reliability.sensitivity import Sobol, halved, importance, sobol
+from sim.trials.reliability.sensitivity import Sobol, halved, importance, sobol, sobol_of_margin
 from sim.trials.reliability.space import Space
 from sim.trials.report.stats import wilson
 from sim.trials.run import Results, TrialResult
@@ -51,7 +51,8 @@ class Reliability:
         sides: The nearest falls, nearest first.
         scales: Of each scale of all spreads: the scale, falls, draws, and the 95 % interval of the probability.
         halves: By axis, the probability with half its spread.
-        sobol: Sobol' indices; None with too few falls or walks.
+        sobol: Sobol' indices of the fall; None with too few falls or walks.
+        margin: Sobol' indices of the least forward speed of the hip, 0 where it is less; None where not recorded.
     """
 
     controller: str
@@ -61,6 +62,7 @@ class Reliability:
     scales: tuple[tuple[float, int, int, tuple[float, float]], ...]
     halves: tuple[Probability, ...]
     sobol: Sobol | None
+    margin: Sobol | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +145,8 @@ def _of(results: Results, space: Space, controller: str, replay: Replay, found: 
         falls = int(np.nansum(at.fell))
         scales.append((scale, falls, known, wilson(falls, known)))
     near = (draws.scale <= SOBOL_SCALE) & (draws.scale > 0.0) & ~np.isnan(draws.fell)
+    margin = np.concatenate(replay.margins)[: len(near)]  # the draws are what a study asks for first
+    told = near & ~np.isnan(margin)
     return Reliability(
         controller=controller,
         found=found,
@@ -151,6 +155,7 @@ def _of(results: Results, space: Space, controller: str, replay: Replay, found: 
         scales=tuple(scales),
         halves=tuple(halved(found.sample, axis) for axis in range(u.shape[1])),
         sobol=sobol(draws.u[near], draws.fell[near]),
+        margin=sobol_of_margin(draws.u[told], np.maximum(margin[told], 0.0)),
     )
 
 

@@ -2,9 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
-from sim.pages import number
+import numpy as np
+
+from sim.pages import link, number
 from sim.pages.palette import colour
 from sim.trials.plan import CertificateStudy, ReliabilityStudy
 from sim.trials.reliability.certificate import Verdict
@@ -20,6 +23,7 @@ from sim.trials.report.reliability_findings import (
     reliability_findings,
     shares,
 )
+from sim.trials.report.reviews import beside_of, log_of, review_of
 from sim.trials.run import Results
 
 MOST_ROWS = 8  # axes of a table
@@ -31,20 +35,27 @@ METHODS = {
 }
 
 
-def reliability_section(results: Results, study: ReliabilityStudy) -> dict[str, Any]:
-    """Distance, probability, what both are made of, and each controller against the first."""
+def reliability_section(results: Results, study: ReliabilityStudy, folder: Path) -> dict[str, Any]:
+    """Distance, probability, what both are made of, and each controller against the first.
+
+    Args:
+        results: Of the campaign.
+        study: The study.
+        folder: Where the page goes; reviews and films that are there are linked.
+    """
     found = reliability_findings(results, study)
     if not found.each:
         return {"kind": "nothing"}
     names = found.space.names
     return {
         "kind": "reliability",
+        "folder": str(folder),
         "open": list(found.open),
         "rows": [_row(one, names) for one in found.each],
         "leads": [lead(one, names) for one in found.each],
         "against": list(_against(found)),
         "reference": found.each[0].controller,
-        "points": [(one.controller, _modes(one, found.space)) for one in found.each if one.sides],
+        "points": [(one.controller, _modes(one, found.space, folder)) for one in found.each if one.sides],
         "importance": [
             (one.controller, plots.importance_bars(names, one, colour(place)))
             for place, one in enumerate(found.each)
@@ -54,9 +65,15 @@ def reliability_section(results: Results, study: ReliabilityStudy) -> dict[str, 
         "planes": [plots.plane((names[i], names[j]), found.each, k) for k, (i, j) in enumerate(study.planes)],
         "halves": [(one.controller, list(_halves(one, names))) for one in found.each],
         "sobol": [
-            (one.controller, f"{one.sobol.accuracy:.0%}", f"{one.sobol.guess:.0%}", list(_sobol(one, names)))
+            {
+                "name": one.controller,
+                "accuracy": f"{one.sobol.accuracy:.0%}" if one.sobol else "",
+                "guess": f"{one.sobol.guess:.0%}" if one.sobol else "",
+                "explained": f"{one.margin.accuracy:.0%}" if one.margin else "",
+                "rows": list(_sobol(one, names)),
+            }
             for one in found.each
-            if one.sobol
+            if one.sobol or one.margin
         ],
     }
 
@@ -130,17 +147,40 @@ def _against(found: ReliabilityFindings) -> Iterator[tuple[str, ...]]:
         yield one.controller, beta, f"{one.probability:+.3g} ({p_low:+.3g} to {p_high:+.3g})"
 
 
-def _modes(one: Reliability, space: Space) -> list[dict[str, Any]]:
+def _modes(one: Reliability, space: Space, folder: Path) -> list[dict[str, Any]]:
     return [
         {
             "beta": f"{side.mode.beta:.3f}",
             "cause": side.outside.cause or side.outside.why,
             "inside": f"{one.controller}/{side.inside.trial}" if side.inside else "",
             "outside": f"{one.controller}/{side.outside.trial}",
+            "links": list(_links(side, folder)),
+            "film": _film(side, folder),
             "rows": list(_point(side, space)),
         }
         for side in one.sides
     ]
+
+
+def _links(side: Side, folder: Path) -> Iterator[Any]:
+    """Reviews and the film of the walk just inside and of the fall, those that have been made."""
+    made = [("the fall", review_of(side.outside))]
+    if side.inside:
+        made = [
+            ("the walk just inside", review_of(side.inside)),
+            *made,
+            ("both, one beside the other", beside_of(side.inside, side.outside)),
+            ("film of both", beside_of(side.inside, side.outside, ".gif")),
+        ]
+    return (link(path, words) for words, path in made if (folder / path).exists())
+
+
+def _film(side: Side, folder: Path) -> str:
+    """The command that makes the film of the walk just inside and of the fall, once they have their logs."""
+    if side.inside is None:
+        return ""
+    paths = (log_of(side.inside), log_of(side.outside), beside_of(side.inside, side.outside, ".gif"))
+    return "cmpc video " + " ".join(str(folder / path) for path in paths) + " --slow 0.25"
 
 
 def _point(side: Side, space: Space) -> Iterator[tuple[str, ...]]:
@@ -161,7 +201,9 @@ def _halves(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]
 
 
 def _sobol(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    found = one.sobol
-    assert found is not None
-    for k in sorted(range(len(names)), key=lambda k: -found.total[k])[:MOST_ROWS]:
-        yield names[k], f"{found.first[k]:.2f}", f"{found.total[k]:.2f}"
+    """Rows of both indices of the fall and of the least margin, the largest total first."""
+    both = (one.sobol, one.margin)
+    largest = np.max([found.total for found in both if found], axis=0)
+    for k in np.argsort(-largest, kind="stable")[:MOST_ROWS]:
+        figures = [(found.first[k], found.total[k]) if found else None for found in both]
+        yield names[k], *(f"{part:.2f}" if pair else "-" for pair in figures for part in pair or (0.0, 0.0))

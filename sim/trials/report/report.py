@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from controller.common.outside import file_label
 from sim import pages
 from sim.errors import UserError
 from sim.pages.palette import CAUSES, colour
@@ -24,14 +23,15 @@ from sim.trials.report.grid_section import grid_section
 from sim.trials.report.margin_section import margin_section
 from sim.trials.report.random_section import random_section
 from sim.trials.report.reliability_section import certificate_section, reliability_section
+from sim.trials.report.reviews import review_of
 from sim.trials.report.summary import counted
 from sim.trials.run import Results, TrialResult
 from sim.trials.run.campaign import pending
 from sim.trials.run.store import Counts
 
 REPORT, BREAKS = "report.html", "breaks.html"
-FALLS, REVIEWS = "falls.html", "reviews"
-"""Page and folder of the falls that were run again, where they have been."""
+FALLS = "falls.html"
+"""Page of the falls that were run again, where they have been."""
 MOST_FALLS = 100  # rows of the list of falls
 
 
@@ -94,11 +94,6 @@ def _write_plots(body: str, folder: Path) -> None:
         path.unlink()
 
 
-def review_name(controller: str, trial: int) -> str:
-    """File name of a trial's review in the folder `REVIEWS`."""
-    return f"{file_label(controller)}-{trial}.html"
-
-
 def _report(results: Results, folder: Path) -> str:
     plan = results.plan
     counts = results.store.counts()
@@ -115,7 +110,7 @@ def _report(results: Results, folder: Path) -> str:
         unfinished=bool(pending(plan, results.store)),
         breaks=BREAKS,
         controllers=plan.controllers,
-        studies=[(study.name, _section(results, study)) for study in plan.studies],
+        studies=[(study.name, _section(results, study, folder)) for study in plan.studies],
         falls=list(_falls(results, folder)),
         looked_at=FALLS if (folder / FALLS).exists() else "",
         falls_in_all=sum(one.done - one.survived for one in counts.values()),
@@ -123,11 +118,11 @@ def _report(results: Results, folder: Path) -> str:
     )
 
 
-def _section(results: Results, study: Study) -> dict[str, Any]:
+def _section(results: Results, study: Study, folder: Path) -> dict[str, Any]:
     if isinstance(study, MarginStudy):
         return margin_section(results, study)
     if isinstance(study, ReliabilityStudy):
-        return reliability_section(results, study)
+        return reliability_section(results, study, folder)
     if isinstance(study, CertificateStudy):
         return certificate_section(results, study)
     return grid_section(results, study) if isinstance(study, GridStudy) else random_section(results, study)
@@ -176,6 +171,6 @@ def _falls(results: Results, folder: Path) -> Iterator[Sequence[str]]:
     for row in first:
         values = ", ".join(f"{name} = {pages.number(value)}" for name, value in row.axis_values.items())
         cause = f"{row.cause}, {row.proof}" if row.cause else ""
-        name, page = f"{row.controller}/{row.trial}", f"{REVIEWS}/{review_name(row.controller, row.trial)}"
+        name, page = f"{row.controller}/{row.trial}", review_of(row)
         shown = pages.link(page, name) if (folder / page).exists() else name
         yield shown, row.study, values, str(row.steps), f"{row.time_s:.2f}", row.why, cause

@@ -6,7 +6,7 @@ campaign goes on after a kill as it would have without.
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -182,7 +182,7 @@ def run_plan(
             set_aside(folder)
         store = Store(folder / FILE, write=True)
         try:
-            _check_plan(plan, store, folder)
+            plan = _agreed(plan, store, folder)
             if retry:
                 store.forget(retry)
             if not mix:
@@ -200,16 +200,37 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _check_plan(plan: Plan, store: Store, folder: Path) -> None:
+def _agreed(plan: Plan, store: Store, folder: Path) -> Plan:
+    """The plan to run on a store: the one given, with the pairs of axes that have been added to its studies.
+
+    Raises:
+        UserError: the store holds results of a plan that differs.
+    """
     there = store.plan()
+    if there is not None and _only_more_pairs(there, plan):
+        store.set_plan(plan)
+        return plan
+    if there is not None and _only_more_pairs(plan, there):
+        return replace(plan, reliability=there.reliability)
     changed = differences(there, plan) if there is not None else []
     changed = [line for line in changed if line.partition(":")[0] not in CHANGE_NO_RESULT]
     if not changed:
-        return
+        return plan
     raise UserError(
         f"--out {folder}: holds results of a plan that differs: {_some(changed)}. "
         "Use another folder, or --restart, which keeps them as a backup"
     )
+
+
+def _only_more_pairs(there: Plan, plan: Plan) -> bool:
+    """Whether a plan is another with more pairs of axes at the end of its studies' own, which they come to last."""
+    if len(there.reliability) != len(plan.reliability):
+        return False
+    both = list(zip(there.reliability, plan.reliability, strict=True))
+    more = all(new.pairs[: len(old.pairs)] == old.pairs for old, new in both)
+    alike = replace(plan, reliability=tuple(replace(new, pairs=old.pairs) for old, new in both))
+    changed = {line.partition(":")[0] for line in differences(there, alike)}
+    return more and alike.reliability != plan.reliability and changed <= {*CHANGE_NO_RESULT}
 
 
 def _check_origins(plan: Plan, store: Store, folder: Path, *, machine: bool) -> None:

@@ -61,8 +61,18 @@ def stored_scenario(reference: str) -> Scenario:
             row = store.result(controller, number)
             if row is None:
                 raise UserError(f"trial {trial}: has not been run in {folder}, and its study asks as it learns")
-    point = Point(values=tuple(row.axis_values.values()), seed=row.seed) if row else None
-    return trial_scenario(plan, controller, number, point)
+    return trial_scenario(plan, controller, number) if row is None else scenario_of(plan, row)
+
+
+def scenario_of(plan: Plan, row: TrialResult) -> Scenario:
+    """The scenario of a trial that has been run, whatever its study.
+
+    Raises:
+        UserError: the plan has no such trial.
+    """
+    asked = isinstance(plan.study_of(row.trial)[0], ReliabilityStudy | CertificateStudy)
+    point = Point(values=tuple(row.axis_values.values()), seed=row.seed) if asked else None
+    return trial_scenario(plan, row.controller, row.trial, point)
 
 
 def open_results(folder: str | Path) -> tuple[Plan, Store]:

@@ -143,10 +143,10 @@ class Store:
         return plans.from_toml(row[0], f"plan stored in {self._where}", trusted=False) if row else None
 
     def set_plan(self, plan: Plan) -> None:
-        """Remember the plan."""
+        """Remember the plan, instead of one that was."""
         rows = {"plan": plans.to_toml(plan), "plan_hash": plan.hash()}
         with self._as_user_error():
-            self._db.executemany("INSERT INTO meta VALUES (?, ?)", rows.items())
+            self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows.items())
 
     def add(self, result: TrialResult, origin: str = "") -> None:
         """Keep a result, safe from then on.
