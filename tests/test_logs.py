@@ -27,6 +27,7 @@ from sim.log.write.container import McapFile
 from sim.review import load
 from sim.scenario import load as load_scenario
 from sim.scenario import with_values
+from tests.log_mutations import Parts
 
 QUICK = {"time_limit": 0.45, "controller.horizon": 20}
 
@@ -174,6 +175,17 @@ def test_compare_names_the_first_difference(path, tmp_path, capsys):
 def test_the_same_run_twice_compares_identical(path, tmp_path, capsys):
     code, out, _ = cmpc(capsys, "log", "compare", path, run(tmp_path / "again.mcap"))
     assert code == 0 and out.endswith("identical (wall times left out)\n")
+
+
+def test_as_many_chunks_with_other_bounds_are_another_container(path, tmp_path):
+    parts = Parts.of(path.read_bytes())
+    logs = []
+    for size in (300_000, 299_000):
+        file = tmp_path / f"{size}.mcap"
+        file.write_bytes(parts.write(chunk_size=size))
+        logs.append(read_log(file))
+    assert len(logs[0].chunks) == len(logs[1].chunks) and logs[0].chunks != logs[1].chunks
+    assert compare(*logs).verdict == "same ticks, other container: chunks of other sizes"
 
 
 def test_a_truncated_log_is_never_identical_to_itself(path, tmp_path, capsys):

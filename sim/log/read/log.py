@@ -30,14 +30,14 @@ class Container:
 
     Attributes:
         compressions: Of its chunks, "unchunked" where messages lie outside any.
-        chunks: How many.
+        chunks: Bytes in each, unpacked.
         order: Digest of the order of this program's messages.
         foreign: Topics of other programs' channels.
         closed: Whether its closing bytes are there.
     """
 
     compressions: tuple[str, ...]
-    chunks: int
+    chunks: tuple[int, ...]
     order: str
     foreign: tuple[str, ...]
     closed: bool
@@ -47,8 +47,10 @@ class Container:
         words = []
         if self.compressions != other.compressions:
             words.append(f"compression {', '.join(self.compressions)} | {', '.join(other.compressions)}")
-        if self.chunks != other.chunks:
-            words.append(f"{self.chunks} | {other.chunks} chunks")
+        if len(self.chunks) != len(other.chunks):
+            words.append(f"{len(self.chunks)} | {len(other.chunks)} chunks")
+        elif self.chunks != other.chunks:
+            words.append("chunks of other sizes")
         if self.order != other.order:
             words.append("messages in another order")
         if self.foreign != other.foreign:
@@ -67,7 +69,7 @@ class Log:
         ended: Whether its data came to their end; what is missing after them costs nothing.
         problems: What is damaged in it; empty for one that just stops.
         tolerant: Whether messages that do not match their schema are left out instead of refused.
-        chunks: Sound chunks.
+        chunks: Bytes in each sound chunk, unpacked.
         metadata: Name of a metadata record -> its entries ("run", "result").
         attachments: File name -> (media type, content).
         channels: Topic -> channel record; another program's channel of a topic of ours has its id added.
@@ -80,7 +82,7 @@ class Log:
     ended: bool = False
     problems: tuple[Problem, ...] = ()
     tolerant: bool = False
-    chunks: int = 0
+    chunks: tuple[int, ...] = ()
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, tuple[str, bytes]] = field(default_factory=dict)
     channels: dict[str, Channel] = field(default_factory=dict)

@@ -81,7 +81,7 @@ def log_of(path: Path, walked: Scan) -> Log:
         complete=walked.complete,
         ended=walked.ended,
         tolerant=True,
-        chunks=walked.chunks,
+        chunks=tuple(walked.chunks),
         compressions=tuple(sorted(walked.compressions)),
     )
     channels = []

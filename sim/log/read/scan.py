@@ -60,7 +60,7 @@ class Scan:
         end: Byte after the last whole record of the data.
         problems: What is wrong with the data, at most `MOST_PROBLEMS`; a file that just stops has none.
         summary_problems: What is wrong with the summary, which only repeats what the data say.
-        chunks: Chunks whose CRC is right.
+        chunks: Bytes in each chunk whose CRC is right, unpacked.
         compressions: Names of the compressions of chunks; "unchunked" where a message lies outside any.
         kept: (opcode, record) of every sound schema, channel, metadata and attachment, in order, each once.
         messages: Channel id -> message records as bytes, in order.
@@ -72,7 +72,7 @@ class Scan:
     end: int = len(MCAP0_MAGIC)
     problems: list[Problem] = field(default_factory=list)
     summary_problems: list[Problem] = field(default_factory=list)
-    chunks: int = 0
+    chunks: list[int] = field(default_factory=list)
     compressions: set[str] = field(default_factory=set)
     kept: list[tuple[int, Any]] = field(default_factory=list)
     messages: dict[int, list[bytes]] = field(default_factory=dict)
@@ -258,9 +258,9 @@ def _take(walked: Scan, opcode: int, whole: memoryview, budget: Budget) -> None:
 def _take_chunk(walked: Scan, chunk: Chunk, budget: Budget) -> None:
     """Sort the message records of a chunk by channel."""
     data = unpack(chunk, budget)
-    walked.chunks += 1
     walked.compressions.add(chunk.compression or "none")
     size = len(data)
+    walked.chunks.append(size)
     at, head, read = 0, _RECORD.size, _RECORD.unpack_from
     while at + head <= size:
         opcode, length = read(data, at)

@@ -81,8 +81,8 @@ def _summary(data: bytes, walked: Scan) -> Iterator[str]:
         listed = {record.id: record for record in seen[opcode]}
         if listed and listed != {record.id: record for code, record in walked.kept if code == opcode}:
             yield f"the {name} of the summary are not those of the data"
-    if seen[Opcode.CHUNK_INDEX] and len(seen[Opcode.CHUNK_INDEX]) != walked.chunks:
-        yield f"the summary lists {len(seen[Opcode.CHUNK_INDEX])} chunks, there are {walked.chunks}"
+    if seen[Opcode.CHUNK_INDEX] and len(seen[Opcode.CHUNK_INDEX]) != len(walked.chunks):
+        yield f"the summary lists {len(seen[Opcode.CHUNK_INDEX])} chunks, there are {len(walked.chunks)}"
     for opcode, kind in ((Opcode.ATTACHMENT_INDEX, Opcode.ATTACHMENT), (Opcode.METADATA_INDEX, Opcode.METADATA)):
         names = sorted(record.name for record in seen[opcode])
         if names and names != sorted(record.name for code, record in walked.kept if code == kind):
