@@ -9,7 +9,7 @@ import numpy as np
 from sim.pages.palette import GREY, colour
 from sim.pages.picture import INK, picture
 from sim.trials.reliability.procedure import RADII
-from sim.trials.report.reliability_findings import Reliability
+from sim.trials.report.reliability_findings import LEAST, Reliability
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -31,7 +31,8 @@ def plane(names: tuple[str, str], each: Sequence[Reliability], number: int) -> "
             line = axes.plot(r * np.cos(angle), r * np.sin(angle), "o-", color=colour(place), markersize=3)[0]
             made.title(line, one.controller)
         axes.plot(0.0, 0.0, "+", color=INK)
-        axes.set(xlim=(-edge, edge), ylim=(-edge, edge), aspect="equal", xlabel=names[0], ylabel=names[1])
+        axes.set(xlim=(-edge, edge), ylim=(-edge, edge), aspect="equal")
+        axes.set(xlabel=f"{names[0]} [deviations]", ylabel=f"{names[1]} [deviations]")
         axes.set_xticks(range(-int(edge), int(edge) + 1))
         axes.set_yticks(range(-int(edge), int(edge) + 1))
     return made.svg
@@ -40,7 +41,7 @@ def plane(names: tuple[str, str], each: Sequence[Reliability], number: int) -> "
 def importance_bars(names: Sequence[str], one: Reliability, shade: str, most: int = 8) -> "Markup":
     """Share of each axis in the squared distance of the nearest fall, with its deviations and the direction."""
     side = one.sides[0]
-    order = np.argsort(-side.importance)[:most]
+    order = [k for k in np.argsort(-side.importance)[:most] if side.importance[k] >= LEAST]
     with picture(f"importance of each axis, {one.controller}", 560, 20 + 18 * len(order), bare=True) as made:
         for row, k in enumerate(order):
             share, deviations = float(side.importance[k]), float(side.mode.outside[k])
@@ -61,6 +62,8 @@ def fragility(each: Sequence[Reliability]) -> "Markup":
             made.axes.vlines(scale, low, high, color=colour(place), alpha=0.4)
             line = made.axes.plot(scale, share, "o-", color=colour(place), markersize=3.5)[0]
             made.title(line, one.controller)
-        made.axes.set(ylim=(-0.02, 1.02), xlabel="all spreads, in those of the plan", ylabel="share that falls")
+        made.axes.set(
+            ylim=(-0.02, 1.02), xlabel="all spreads [times those of the plan]", ylabel="share of walks that fall"
+        )
         made.axes.grid(axis="y")
     return made.svg

@@ -16,6 +16,7 @@ from sim.trials.reliability.procedure import Certified
 from sim.trials.reliability.space import Space
 from sim.trials.report import reliability_plots as plots
 from sim.trials.report.reliability_findings import (
+    LEAST,
     Reliability,
     ReliabilityFindings,
     Side,
@@ -50,6 +51,7 @@ def reliability_section(results: Results, study: ReliabilityStudy, folder: Path)
     return {
         "kind": "reliability",
         "folder": str(folder),
+        "colours": [(colour(place), one.controller) for place, one in enumerate(found.each)],
         "open": list(found.open),
         "rows": [_row(one, names) for one in found.each],
         "leads": [lead(one, names) for one in found.each],
@@ -186,6 +188,8 @@ def _film(side: Side, folder: Path) -> str:
 def _point(side: Side, space: Space) -> Iterator[tuple[str, ...]]:
     order = sorted(range(len(space.names)), key=lambda k: -side.importance[k])[:MOST_ROWS]
     for k in order:
+        if side.importance[k] < LEAST and side.mode.beta > 0.0:
+            break
         value, unit = side.values[k], space.units[k]
         words = value if isinstance(value, str) else number(value)
         share = f"{side.importance[k]:.0%}" if side.mode.beta > 0.0 else "-"
@@ -196,8 +200,16 @@ def _halves(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]
     p = one.found.probability
     order = sorted(range(len(names)), key=lambda k: one.halves[k].value)[:MOST_ROWS]
     for k in order:
-        half = one.halves[k]
-        yield names[k], f"{p.value:.2g}", f"{half.value:.2g}", f"{half.low:.2g} to {half.high:.2g}"
+        half, (_, low, high) = one.halves[k], one.changes[k]
+        told = "" if low <= 0.0 <= high else "yes"
+        yield (
+            names[k],
+            f"{p.value:.2g}",
+            f"{half.value:.2g}",
+            f"{half.low:.2g} to {half.high:.2g}",
+            f"{low:+.2g} to {high:+.2g}",
+            told,
+        )
 
 
 def _sobol(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
