@@ -1,14 +1,14 @@
 """ZD+PD: feedback linearisation of the outputs with a PD law on top, and the controller made of it alone."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.belief import Law, Loop
-from controller.belief.closed_loop import ZeroDynamicsStep, zero_dynamics
-from controller.belief.kernels import N_Q, N_U
+from controller.belief.closed_loop import ZeroDynamicsStep, closed_loop, zero_dynamics
+from controller.belief.kernels import N_Q, N_U, Stage, new_stage, place, stance_force
 from controller.belief.stance import watch
-from controller.common.compiled import compiled
+from controller.common.compiled import Array, compiled
 from controller.common.entry import Bound, bind
 from controller.common.held import Held, held
 from controller.common.records import (
@@ -37,21 +37,33 @@ def zero_dynamics_pd(loop: Loop, q: Vector, dq: Vector) -> ZeroDynamicsStep:
 ZD_PD = list(Status).index(Status.ZD_PD)
 
 
+class Parts(NamedTuple):
+    """All that a tick works on: the closed loop, and scratch for its state, what follows from it, and its force."""
+
+    loop: Loop
+    q: Array
+    dq: Array
+    stage: Stage
+    force: Array
+
+
 @compiled
-def decide(loop: Any, memory: Any, seen: Any, step: Any, i: int) -> None:
-    """Fill row `i` of `step` from that of `seen`."""
-    q, dq = np.empty(N_Q), np.empty(N_Q)
-    those = held(loop)
-    watch(memory, those.walker, seen[i], q, dq)
-    zd = zero_dynamics(those, q, dq)
+def decide(parts: Any, memory: Any, seen: Any, step: Any, i: int) -> None:
+    """Fill row `i` of `step` from that of `seen`: `zero_dynamics` without new memory."""
+    loop, q, dq, stage, force = held(parts)
+    watch(memory, loop.walker, seen[i], q, dq)
+    place(q, dq, stage)
+    theta, dtheta = closed_loop(loop, q, dq, stage)
+    stance_force(loop.walker, stage, force)
     m, out = memory[0], step[i]
-    for joint in range(N_U):
-        out.u_total[joint ^ m.leg] = out.u_zd[joint ^ m.leg] = m.torque[joint ^ m.leg] = zd.u[joint]
-        out.u_mpc[joint] = 0.0
-        out.y[joint], out.dy[joint] = zd.y[joint], zd.dy[joint]
-    out.theta, out.dtheta = zd.theta, zd.dtheta
-    out.s = (zd.theta - those.gait.theta_start) / those.gait.theta_span
-    out.contact_force[0], out.contact_force[1] = zd.contact_force[0], zd.contact_force[1]
+    for j in range(N_U):
+        joint = j ^ m.leg
+        out.u_total[joint] = out.u_zd[joint] = m.torque[joint] = stage.u[j]
+        out.u_mpc[j] = 0.0
+        out.y[j], out.dy[j] = stage.y[j], stage.dy[j]
+    out.theta, out.dtheta = theta, dtheta
+    out.s = (theta - loop.gait.theta_start) / loop.gait.theta_span
+    out.contact_force[0], out.contact_force[1] = force[0], force[1]
     out.residuals[:] = 0.0
     out.slack = out.solve_s = out.followed = 0.0
     out.impact_in, out.iterations, out.active = -1, 0, 0
@@ -93,8 +105,8 @@ class ZeroDynamicsController(Law):
         return bind(decide, (self._kept(), self.stance.memory), (seen, step, 0))
 
     def _kept(self) -> Held:
-        if self._held is None or self._held.value is not self.loop:
-            self._held = Held(self.loop)
+        if self._held is None or self._held.value.loop is not self.loop:
+            self._held = Held(Parts(self.loop, np.empty(N_Q), np.empty(N_Q), new_stage(), np.empty(2)))
         return self._held
 
     def plan(self) -> None:

@@ -2,17 +2,18 @@
 
 A call from Python costs 0.1 us for every array in its arguments, more than the arithmetic on most of them. What does
 not change from tick to tick is handed over once: `Held` stores the tuple as compiled code sees it, and `held` in
-compiled code gives it back. Types that are handed over are named on disk: they must be this project's or plain tuples.
+compiled code gives it back. Its arrays are lent for as long as the `Held` lives: no kernel may return them to Python.
+Types that are handed over are named on disk: they must be this project's or plain tuples.
 
 Common ground of both worlds: it knows nothing of a walker.
 """
 
-import sys
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
+from numba.core import cgutils
 from numba.core.registry import cpu_target
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 
@@ -51,24 +52,28 @@ def _room(context: Any, builder: Any, kind: Any, address: Any) -> Any:
     return builder.inttoptr(address, context.get_value_type(kind).as_pointer())
 
 
+def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """A value whose arrays have no owner: counting who holds them costs as much as small arithmetic on them."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value=value)
+        array.meminfo = array.parent = cgutils.get_null_value(array.meminfo.type)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        for number, part in enumerate(parts.types):
+            lent = _lent(context, builder, part, builder.extract_value(value, number))
+            value = builder.insert_value(value, lent, number)
+    return value
+
+
 def _store(typing: Any, address: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind = signature.args[1]
-        context.nrt.incref(builder, kind, arguments[1])
-        builder.store(arguments[1], _room(context, builder, kind, arguments[0]), align=8)
+        lent = _lent(context, builder, kind, arguments[1])
+        builder.store(lent, _room(context, builder, kind, arguments[0]), align=8)
         return context.get_dummy_value()
 
     return types.void(types.int64, value), generate
-
-
-def _release(typing: Any, handle: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kind = signature.args[0].of
-        value = builder.load(_room(context, builder, kind, arguments[0]), align=8)
-        context.nrt.decref(builder, kind, value)
-        return context.get_dummy_value()
-
-    return types.void(handle), generate
 
 
 def _held(typing: Any, handle: Any) -> Any:
@@ -76,26 +81,18 @@ def _held(typing: Any, handle: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind = signature.return_type
-        value = builder.load(_room(context, builder, kind, arguments[0]), align=8)
-        context.nrt.incref(builder, kind, value)
-        return value
+        return builder.load(_room(context, builder, kind, arguments[0]), align=8)
 
     return handle.of(handle), generate
 
 
 store: Any = intrinsic(_store)
-release: Any = intrinsic(_release)
 held: Any = intrinsic(_held)
 
 
 @generic
 def _keep(address: int, value: Any) -> None:
     store(address, value)
-
-
-@generic
-def _drop(handle: Any) -> None:
-    release(handle)
 
 
 class Held:
@@ -115,7 +112,3 @@ class Held:
         self._memory = np.zeros(context.get_abi_sizeof(context.get_value_type(kind)) // 8 + 1, dtype=np.int64)
         self.address = int(self._memory.__array_interface__["data"][0])
         _keep(self.address, value)
-
-    def __del__(self) -> None:
-        if not sys.is_finalizing() and self.address:
-            _drop(self)

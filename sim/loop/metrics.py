@@ -27,6 +27,8 @@ class Durations:
     def add(self, seconds: ArrayLike) -> None:
         """Count durations in [s]."""
         times = np.asarray(seconds, dtype=float)
+        if not times.size:
+            return
         self._longest = max(self._longest, float(times.max(initial=0.0)))
         classes = (np.log(np.maximum(times, self._SHORTEST) / self._SHORTEST) / self._RATIO).astype(int)
         self._counts += np.bincount(np.minimum(classes, len(self._counts) - 1), minlength=len(self._counts))
@@ -78,7 +80,7 @@ class Metrics:
         torque, y, u_zd, u_mpc = (
             np.ascontiguousarray(column) for column in (state["torque"], step["y"], step["u_zd"], step["u_mpc"])
         )
-        np.maximum(self._peak_torque, np.abs(torque).max(axis=0), out=self._peak_torque)
+        np.maximum(self._peak_torque, np.abs(state["torque"].T).max(axis=1), out=self._peak_torque)
         self._torque2 += np.square(torque).sum(axis=0)
         self._y2 += float(np.square(y).sum())
         self._zd2 += float(np.square(u_zd).sum())
@@ -95,9 +97,12 @@ class Metrics:
     def _slide(self, x: Vector, stance: NDArray[np.int64], touches: NDArray[np.bool_]) -> None:
         """Add up how far the stance foot moves along the ground while it touches it."""
         foot, before = self._foot or (-1, 0.0)
-        moved = np.abs(np.diff(x, prepend=before))
-        same = np.diff(stance, prepend=foot) == 0
-        self.slip = float(np.cumsum(np.concatenate(([self.slip], moved[same & touches])))[-1])
+        same = np.empty(len(x), dtype=np.bool_)
+        same[0], same[1:] = foot == stance[0], stance[1:] == stance[:-1]
+        moved = np.empty(len(x) + 1)
+        moved[0], moved[1], moved[2:] = self.slip, x[0] - before, x[1:] - x[:-1]
+        slid = np.abs(moved)[np.concatenate(([True], same & touches))]
+        self.slip = float(np.add.accumulate(slid)[-1])
         self._foot = int(stance[-1]), float(x[-1])
 
     def touch_down(self, event: TouchDown) -> None:

@@ -1,5 +1,6 @@
 """The compiled walker and all that is read from it once, whichever plant moves it."""
 
+import functools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,8 +43,11 @@ class Walker(Plant, Protocol):
     """A plant that is a walker of this project: what a run, its log and its viewer need to know of it besides."""
 
     model: mujoco.MjModel
-    data: mujoco.MjData
     legs: LegGeometry
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's live data."""
 
     def observe(self) -> Observation:
         """What ideal sensors read now."""
@@ -54,7 +58,6 @@ class Body(ABC):
 
     Attributes:
         model: The compiled model, for viewers and tests.
-        data: MuJoCo's live data, for viewers and tests; only the plant may change it.
         com: Centre of mass (x, z) of each link in its own frame in [m], by link name.
         torque_limits: Actuator limits in [N.m], (4,), ordered as `JOINTS`; infinite without saturation.
         legs: Lengths of the legs.
@@ -92,7 +95,6 @@ class Body(ABC):
         self.terrain = Terrain(settings.ground, seed=seed, length=walk_length)
         self._spec, self.model = compiled_model(settings, Path(model_path), self.terrain, seed=seed, length=walk_length)
         model = self.model
-        self.data = mujoco.MjData(model)
         self.legs = LegGeometry.of(model)
         self._body_ids = [model.body(name).id for name in LINKS]
         ipos = model.body_ipos
@@ -117,6 +119,11 @@ class Body(ABC):
         Raises:
             UserError: the model has what this plant has not.
         """
+
+    @functools.cached_property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's live data, for viewers and tests; only the plant may change it."""
+        return mujoco.MjData(self.model)
 
     @property
     def mjcf_text(self) -> str:

@@ -47,20 +47,13 @@ class FiveLinks:
     @classmethod
     def of(cls, model: mujoco.MjModel) -> "FiveLinks":
         """The links of a compiled walker."""
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
         mass, com, inertia = np.zeros(ANGLES), np.zeros((ANGLES, 2)), np.zeros(ANGLES)
         for i, name in enumerate(LINKS):
-            link = model.body(name).id
-            parts = np.flatnonzero(model.body_weldid == link)
-            frame = data.xmat[link].reshape(3, 3)
-            places = ((data.xipos[parts] - data.xpos[link]) @ frame)[:, [0, 2]]
-            across = np.einsum("pik,i->pk", data.ximat[parts].reshape(-1, 3, 3), frame[:, 1])
+            parts, places, about = _parts(model, model.body(name).id)
             masses = model.body_mass[parts]
             mass[i] = masses.sum()
             com[i] = masses @ places / mass[i]
-            inertia[i] = np.sum(across**2 * model.body_inertia[parts])
-            inertia[i] += masses @ np.sum((places - com[i]) ** 2, axis=1)
+            inertia[i] = about.sum() + masses @ np.sum((places - com[i]) ** 2, axis=1)
         dofs = [int(model.jnt_dofadr[model.joint(name).id]) for name in COORDINATES]
         return cls(
             mass=mass,
@@ -97,6 +90,33 @@ class FiveLinks:
     def turning(self) -> Vector:
         """Inertia about the centres of mass and of the rotors, which no angle changes, in [kg m^2], (5, 5)."""
         return np.diag(self.inertia) + TURN.T @ np.diag(self.rotor) @ TURN
+
+
+def _parts(model: mujoco.MjModel, link: int) -> tuple[list[int], Vector, Vector]:
+    """A link and what is welded to it.
+
+    Returns:
+        MuJoCo's numbers of the bodies, their centres of mass (x, z) in the link's frame in [m], (n, 2), and their
+        inertia about them, across the plane, in [kg m^2], (n,).
+    """
+    parts = np.flatnonzero(model.body_weldid == link).tolist()  # a body's parent comes before it
+    frames = {link: (np.zeros(3), np.eye(3))}
+    for body in parts:
+        if body != link:
+            at, turned = frames[model.body_parentid[body]]
+            frames[body] = at + turned @ model.body_pos[body], turned @ _matrix(model.body_quat[body])
+    places, about = np.empty((len(parts), 2)), np.empty(len(parts))
+    for n, body in enumerate(parts):
+        at, turned = frames[body]
+        places[n] = (at + turned @ model.body_ipos[body])[[0, 2]]
+        about[n] = (turned @ _matrix(model.body_iquat[body]))[1] ** 2 @ model.body_inertia[body]
+    return parts, places, about
+
+
+def _matrix(quaternion: Vector) -> Vector:
+    found = np.empty(9)
+    mujoco.mju_quat2Mat(found, quaternion)
+    return found.reshape(3, 3)
 
 
 def refuse_shape(model: mujoco.MjModel, path: Path) -> None:

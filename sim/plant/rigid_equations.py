@@ -34,7 +34,7 @@ SLIDING = 0.05
 
 WORK = np.dtype(
     [
-        ("qpos", np.int64),  # addresses of what a viewer looks at
+        ("qpos", np.int64),  # addresses of what a viewer looks at, 0 where none does
         ("qvel", np.int64),
         ("hip", np.int64, (2,)),  # places of hip x and hip z there
         ("q", np.int64, (N,)),  # places of the five angles there

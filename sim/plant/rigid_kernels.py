@@ -201,7 +201,8 @@ def look(work: Work, ground: Array, state: Any, seen: Any, i: int) -> None:
         end_x, end_z = s.hip[0] - length * w.sin[link], s.hip[1] + length * w.cos[link]
         if hip_height < thickness or end_z - height_under(ground, end_x) < thickness:
             s.penetrating[link] = 1
-    show(w, s)
+    if w.qpos != 0:
+        show(w, s)
 
 
 @nested

@@ -6,6 +6,7 @@ pinned walker under the held torque. The pin pulls as well as it pushes and neve
 a ratio above the floor's friction is not prevented, but stands in the log.
 """
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,10 +94,16 @@ class RigidPlant(Body):
         sizes = [self.model.geom(name).size for name in DETECTED_LINKS]
         work["capsules"] = [(2.0 * float(size[1]), float(size[0])) for size in sizes]
         work["limits"], work["period"], work["substeps"] = self.torque_limits, self.period, self.substeps
-        dofs = [int(self.model.jnt_dofadr[self.model.joint(name).id]) for name in ("hip_x", "hip_z", *COORDINATES)]
-        work["qpos"], work["qvel"] = address(self.data.qpos), address(self.data.qvel)
-        work["hip"], work["q"] = dofs[:2], dofs[2:]
         self._begin()
+
+    @functools.cached_property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's data, for viewers: from the first time they are asked for each look writes the walker there."""
+        data, work = mujoco.MjData(self.model), self._work
+        dofs = [int(self.model.jnt_dofadr[self.model.joint(name).id]) for name in ("hip_x", "hip_z", *COORDINATES)]
+        work["hip"], work["q"] = dofs[:2], dofs[2:]
+        work["qpos"], work["qvel"] = address(data.qpos), address(data.qvel)
+        return data
 
     def _begin(self) -> None:
         work = self._work
