@@ -4,17 +4,18 @@
 .PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof interrupts reliability-proof clean help
 
 BIN := .venv/bin
-STAMP := .venv/installed
+WALK := .venv/installed
+STAMP := .venv/tools
 
 # The first supported interpreter that really starts and can make environments: a shim may exist and fail.
 PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3.14 python3; do \
 	$$python -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 15))' \
 	>/dev/null 2>&1 && echo $$python && break; done)
 
-run: $(STAMP)  ## walk: the default scenario, or ARGS="undisturbed --steps 5"
+run: $(WALK)  ## walk: the default scenario, or ARGS="undisturbed --steps 5"
 	@$(BIN)/cmpc run $(ARGS)
 
-see: $(STAMP)  ## walk and fall: the same push with and without the MPC, both runs as one page in the browser
+see: $(WALK)  ## walk and fall: the same push with and without the MPC, both runs as one page in the browser
 	@mkdir -p logs && folder=$$(mktemp -d logs/see-XXXXXX) \
 		&& $(BIN)/cmpc run push-25N --log $$folder/c-mpc.mcap \
 		&& $(BIN)/cmpc run push-25N --controller zd-pd --log $$folder/zd-pd.mcap \
@@ -77,15 +78,22 @@ clean:  ## remove the environment and every cache; logs stay
 help:  ## show this
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|'
 
-$(STAMP): pyproject.toml constraints.txt
+# A dot every 2 s while the rest of a recipe's line goes on, which must stand in the foreground to hear Ctrl-C.
+DOTS = while sleep 2; do printf .; done & dots=$$!; trap "kill $$dots; echo" EXIT; trap "exit 130" INT TERM;
+INSTALL := $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
+
+$(WALK): pyproject.toml constraints.txt
 	@$(BIN)/python -c '' 2>/dev/null || { \
 		test -n "$(PYTHON)" || { \
 			echo "make: no usable Python: need 3.11 to 3.14 with venv (on Debian: python3-venv);" \
 				"give one with PYTHON=/path/to/python3" >&2; exit 1; }; \
-		echo "Making .venv with $$($(PYTHON) --version); this takes a few minutes, once."; \
-		$(PYTHON) -m venv --clear .venv; }
-	@echo "Installing packages (1 of 2)"
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev]"
+		printf "Making .venv with $$($(PYTHON) --version), once "; \
+		$(DOTS) $(PYTHON) -m venv --clear .venv; }
+	@printf "Installing packages (1 of 2) "; $(DOTS) $(INSTALL) -e .
 	@echo "Compiling kernels (2 of 2)"
 	@$(BIN)/python -m sim.bridge.kernels
+	@touch $@
+
+$(STAMP): $(WALK)
+	@printf "Installing what tests and tools take "; $(DOTS) $(INSTALL) -e ".[dev]"
 	@touch $@
