@@ -83,6 +83,7 @@ def test_rows_and_records_give_the_same_run(kind, plant, changes):
 
 
 RIGID = {"controller.kind": "zd-pd", "plant.kind": "rigid", "plant.timestep": 1e-3}
+MUJOCO = {"controller.kind": "zd-pd", "plant.kind": "mujoco"}
 RIDES = {
     "walks": {"steps": 3},
     "is pushed": {"steps": 3, "pushes.0.force": 20.0, "pushes.0.step": 1, "pushes.0.body": "left_tibia"},
@@ -90,7 +91,7 @@ RIDES = {
     "falls": {"steps": 9, "pushes.0.force": 90.0, "pushes.0.start": 0.3, "pushes.0.end": 0.9},
     "runs out of time": {"steps": 9, "time_limit": 0.7773},
     "has rough ground and friction": {"steps": 3, "plant.ground.slope": 0.03, "plant.joint_friction.left_knee": 1.0},
-    "has two substeps": {"steps": 2, "plant.timestep": 5e-4},
+    "has other substeps": {"steps": 2, "plant.timestep": 5e-4, "plant.ground.damping_factor": 0.5},
     "falls at once": {"steps": 3, "plant.saturation": False, "controller.kp": (4e7,) * 4},
 }
 
@@ -104,9 +105,10 @@ def same(way, other):
         assert getattr(other[1], name) == getattr(summary, name)
 
 
+@pytest.mark.parametrize("plant", [RIGID, MUJOCO], ids=["rigid", "mujoco"])
 @pytest.mark.parametrize("changes", RIDES.values(), ids=RIDES)
-def test_a_ride_through_uneventful_ticks_gives_the_same_run(changes, monkeypatch):
-    scenario, told = with_values(load("undisturbed"), RIGID | changes), []
+def test_a_ride_through_uneventful_ticks_gives_the_same_run(changes, plant, monkeypatch):
+    scenario, told = with_values(load("undisturbed"), plant | changes), []
     how = {"stop": Patient(lambda: None), "progress": lambda *what: told.append(what)}
     ridden = [
         walk(scenario, lambda controller: controller, frame_every=0),

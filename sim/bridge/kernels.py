@@ -31,7 +31,7 @@ YOUNG = 100_000  # objects before Python looks for garbage: a compiler makes man
 
 TOPS = {
     "c-mpc": ("controller.cmpc.cascade:settle", "controller.cmpc.cascade:foresee"),
-    "zd-pd": ("controller.cmpc.zero_dynamics:decide",),
+    "zd-pd": ("controller.cmpc.zero_dynamics:decide", "sim.loop.ride:ride"),
     "c-mpc-ltv": ("controller.ltv.plan:improve",),
     "c-mpc-plan": ("controller.plan.solve:improve", "controller.ltv.plan:improve"),
     "clf-qp": ("controller.rivals.output_dynamics:output_dynamics",),

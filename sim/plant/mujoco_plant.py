@@ -7,12 +7,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.common.entry import Bound, bind
 from sim.errors import PlantDiverged
 from sim.interface import COORDINATES, FEET, LINKS, Rows, Vector
 from sim.plant import mujoco_kernels as kernels
 from sim.plant.body import DETECTED_LINKS, Body, check_start, no_torque
 from sim.plant.engine import address
-from sim.plant.rows import DIVERGED, NO_TORQUE
+from sim.plant.rows import DIVERGED, FINE, NO_TORQUE
 from sim.scenario import PlantSettings
 
 FOOTHOLD_DEPTH = 1e-6  # [m], half the depth at rest: at reset the stance foot is sensed as touching
@@ -105,10 +106,22 @@ class MujocoPlant(Body):
             PlantDiverged: the state is not finite any more, or MuJoCo warned.
         """
         end = kernels.move(self._work, step, i, self._forces, acting)
+        if end != FINE:
+            self.heed(end, step, i)
+
+    def heed(self, end: int, step: Rows, i: int) -> None:
+        """Say what was wrong with the hold of row `i`; raises as `move` does."""
         if end == NO_TORQUE:
             raise no_torque(step[i]["u_total"])
         if end == DIVERGED:
             raise PlantDiverged(self._diagnosis())
+
+    def bound(self, state: Rows, seen: Rows, step: Rows, acting: NDArray[np.bool_]) -> tuple[Bound, Bound] | None:
+        """The kernels of `look` and `move` for `sim.loop.ride`, with these forces and rows of these types."""
+        if type(self) is not MujocoPlant:
+            return None  # one that may do more
+        look = bind(kernels.look, (self._work, self._ground), (state, seen, 0))
+        return look, bind(kernels.move, (self._work,), (step, 0, self._forces, acting))
 
     def _begin(self) -> None:
         work = self._work
