@@ -67,6 +67,15 @@ def test_torques_keep_their_limits_and_sum_up(pushed):
     np.testing.assert_allclose(steps["u_zd"] + steps["u_mpc"], steps["u_total"], rtol=0, atol=1e-9)
 
 
+def test_it_knows_a_load_from_a_push():
+    """Four times the torso's mass: told within 50 ms, and walked with; as a push it would throw it over at once."""
+    heavy = with_values(Scenario(steps=3), PLAN | {"plant.mass_factor.torso": 4.0})
+    summary, _, figures, _ = walk(heavy)
+    assert summary.outcome == "completed"
+    load, push = of(figures, "plan load [kg]"), of(figures, "plan push [N]")
+    assert (np.abs(load[50:] - 36.0) < 6.0).all() and np.abs(push).max() < 25.0
+
+
 def test_the_same_bytes_again(pushed):
     """No wall clock: planning takes simulated time."""
     _, steps, figures, _ = pushed
@@ -77,7 +86,7 @@ def test_the_same_bytes_again(pushed):
 def test_calm_it_is_the_second_cascade():
     """Undisturbed: not one torque is the plan's."""
     _, steps, figures, _ = walk(with_values(Scenario(time_limit=0.3), PLAN))
-    assert (of(figures, "plan followed") == 0.0).all()
+    assert (of(figures, "plan followed") == 0.0).all() and (of(figures, "plan made") == 0.0).all()
     tape = Steps()
     bridge.run_scenario(with_values(Scenario(time_limit=0.3), PLAN | {"controller.kind": "c-mpc-ltv"}), tape=tape)
     second = np.clip(np.concatenate(tape.torques), [-75, -75, -50, -50], [75, 75, 50, 50])

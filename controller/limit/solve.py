@@ -233,7 +233,8 @@ def _solve(
         return None
     motion = Motion.of(x, phases)
     bound = program.x_high[-2] if question.what.sign > 0.0 else program.x_low[-2]
-    at_bound = question.what.kind != "friction" and motion.disturbance / bound > AT_BOUND
+    share = motion.disturbance / bound
+    at_bound = share < 1.0 / AT_BOUND if question.what.kind == "friction" else share > AT_BOUND
     return Found(motion=motion, phases=phases, at_bound=bool(at_bound))
 
 

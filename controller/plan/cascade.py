@@ -6,18 +6,21 @@ import numpy as np
 
 from controller.belief import Friction, Gait, Law, kernels
 from controller.belief.closed_loop import outputs
-from controller.belief.ground import Ground, under_the_foot
-from controller.common.compiled import compiled
 from controller.common.products import inner
-from controller.common.records import ControlStep, Observation, StanceState, Status, Vector
+from controller.common.records import ControlStep, Leg, Observation, StanceState, Status, Vector
 from controller.common.settings import PlanSettings
 from controller.ltv.cascade import LtvCascade
 from controller.ltv.orbit import nominal_rate
 from controller.observer import PushObserver
+from controller.plan.beliefs import Beliefs
 from controller.plan.dynamics import stance_force
 from controller.plan.forecast import Forecast
 from controller.plan.planner import Planner
-from controller.plan.start import links, plan_of_gait, world
+from controller.plan.share import Share
+from controller.plan.start import links, on_the_clock, plan_of_gait, world
+
+HEAVY = 1.0  # of the torso's own mass: a load at which the plan is followed
+STEEP = 0.05  # tangent of a slope believed in, at which the plan is followed
 
 
 class PlanCascade(Law):
@@ -25,8 +28,9 @@ class PlanCascade(Law):
 
     Attributes:
         calm: The law followed while all is calm.
-        planner: Plans at all times, so that there is a plan when one is needed.
-        share: Of the plan's torque in the total, 0 to 1.
+        planner: Plans while it is not so calm that it may rest.
+        beliefs: What it plans for.
+        share: Of the plan's torque in the total.
     """
 
     def __init__(
@@ -45,8 +49,10 @@ class PlanCascade(Law):
         self.calm, self.settings, self._period = calm, settings, period
         self._observer = observer
         cost, gait = plan_of_gait(self.model, self.gait, settings, friction)
-        self._world = world(self.model)
-        self.planner = Planner(cost, gait, settings, self._world, period)
+        undisturbed = world(self.model)
+        self.planner = Planner(cost, gait, settings, undisturbed, period)
+        self.beliefs = Beliefs(self.model, undisturbed, period, observer.tuning.impact_time)
+        self.share = Share(settings, period)
         self.reset("left")
 
     def reset(self, stance: str) -> None:
@@ -54,7 +60,9 @@ class PlanCascade(Law):
         super().reset(stance)
         self.calm.reset(stance)
         self.planner.reset()
-        self.share, self._wanted, self._quiet = 0.0, False, 0.0
+        self.beliefs.reset()
+        self.share.reset()
+        self._torque = np.zeros(4)  # held, body order
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick."""
@@ -62,30 +70,34 @@ class PlanCascade(Law):
         state = self.stance.update(observation)
         estimate = self._observer.estimate
         x = np.concatenate([links(state.q), links(state.dq)])
-        if state.leg is not old_leg:
+        exchanged = state.leg is not old_leg
+        stands = observation.contact[0 if state.leg is Leg.LEFT else 1]
+        held = state.leg.from_body(self._torque)
+        self.beliefs.update(estimate, state, x, held, stands=stands, exchanged=exchanged)
+        off = self._off(state)
+        self.share.look(off)
+        if exchanged:
             self.planner.landed(x)
-        ahead, height, _ = self.model.swing_foot(state.q, state.dq)
-        ground = under_the_foot(Ground(estimate.slope, 0.0), ahead, height)
-        believed = self._world._replace(push=estimate.push, tangent=ground.tangent, level=ground.level)
-        u, planned = self.planner.tick(x, believed)
-        off = self._off(state, estimate.push)
-        self._decide(off)
-        step = self._on_the_gait(observation) if self.share < 1.0 else self._outputs(state)
-        own, kept = self.share, 1.0 - self.share
+        u, planned = self.planner.tick(x, self.beliefs.world, rest=self.share.resting)
+        if self.share.move(self.planner.found):
+            self.calm.reset(self.stance.leg.value)
+        own, kept = self.share.value, 1.0 - self.share.value
+        step = self._on_the_gait(observation) if own < 1.0 else self._outputs(state)
         limit = self.model.torque_limits
         total = kept * np.clip(state.leg.from_body(step.u_total), -limit, limit) + own * u
         forward = kept * state.leg.from_body(step.u_zd) + own * planned
+        self._torque = state.leg.from_body(total)
         left = round(self.planner.left / self._period)
         lost = self.planner.made and own > 0.0 and not self.planner.found
         return self.held(
             replace(
                 step,
-                u_total=state.leg.from_body(total),
+                u_total=self._torque,
                 u_zd=state.leg.from_body(forward),
                 u_mpc=state.leg.from_body(total - forward),
                 impact_in=left if own > 0.0 else step.impact_in,
                 solve_s=self.planner.solve_s if own == 1.0 or self.planner.made else step.solve_s,
-                contact_force=stance_force(believed, x, total),
+                contact_force=stance_force(self.beliefs.world, x, total),
                 fallback=lost or step.fallback,
                 status=Status.PREDICTION_DIVERGED if lost else step.status,
                 plan=self._forecast(x) if own == 1.0 else step.plan,
@@ -98,32 +110,20 @@ class PlanCascade(Law):
         super().follow(gait, rate_change)
         self.calm.follow(gait, rate_change)
 
-    def _off(self, state: StanceState, push: float) -> float:
+    def _off(self, state: StanceState) -> float:
         """How far from calm it is: 1 where the plan is wanted."""
         settings = self.settings
-        y, dtheta, theta = _clock(self.loop.gait, state.q, state.dq)
+        y, dtheta, theta = on_the_clock(self.loop.gait, state.q, state.dq)
         rate, _ = nominal_rate(self.calm.orbit, theta)
         return float(
-            max(abs(push) / settings.push, np.abs(y).max() / settings.output, abs(dtheta - rate) / settings.rate)
+            max(
+                abs(self.beliefs.push) / settings.push,
+                np.abs(y).max() / settings.output,
+                abs(dtheta - rate) / settings.rate,
+                abs(self.beliefs.world.tangent) / STEEP,
+                abs(self.beliefs.scales.load) / (HEAVY * self.model.torso.mass),
+            )
         )
-
-    def _decide(self, off: float) -> None:
-        """Move the share towards the plan or the gait."""
-        settings = self.settings
-        self._quiet = self._quiet + self._period if off < settings.calm else 0.0
-        if not self.planner.found:
-            self._wanted = False  # the one fall-back: the law on the gait
-        elif off > 1.0:
-            self._wanted = True
-        elif self._quiet > settings.rest:
-            self._wanted = False
-        change = self._period / settings.blend
-        if self._wanted:
-            self.share = min(1.0, self.share + change)
-        else:
-            if self.share == 1.0:
-                self.calm.reset(self.stance.leg.value)
-            self.share = max(0.0, self.share - change)
 
     def _on_the_gait(self, observation: Observation) -> ControlStep:
         self.calm.stance = self.stance
@@ -155,9 +155,11 @@ class PlanCascade(Law):
         reach = self.model.lumped.reach
         landing = -float(inner(reach, np.sin(planner.landing[:5])))
         return {
-            "plan followed": self.share,
+            "plan followed": self.share.value,
             "plan made": float(planner.made),
             "plan off calm": off,
+            "plan load [kg]": self.beliefs.scales.load,
+            "plan push [N]": self.beliefs.world.push,
             "plan time left [s]": planner.left,
             "plan landing [m]": landing,
             "plan cost": figures.after if figures else 0.0,
@@ -165,10 +167,3 @@ class PlanCascade(Law):
             "plan iterations": float(figures.iterations) if figures else 0.0,
             "plan step taken": figures.share if figures else 0.0,
         }
-
-
-@compiled
-def _clock(gait, q, dq):  # type: ignore[no-untyped-def]
-    stage = kernels.new_stage()
-    theta, dtheta = outputs(gait, q, dq, stage)
-    return stage.y, dtheta, theta

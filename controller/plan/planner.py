@@ -142,8 +142,10 @@ class Planner:
 
     def landed(self, x: Vector) -> None:
         """The legs have been exchanged; x is the state after it, (10,)."""
+        if self.figures is None:
+            _copy(self._gait.plan, self._plan)
         exchange(self._plan, self._K, self.price.time)
-        first = (self._P - 1) * (self._intervals + 1)
+        first = 0 if self.figures is None else (self._P - 1) * (self._intervals + 1)
         self._plan.x[first:] = self._gait.plan.x[first:]
         self._plan.u[first:] = self._gait.plan.u[first:]
         self._K[first:] = self._gait.K[first:]
@@ -152,14 +154,17 @@ class Planner:
         self._waiting = -1
         self._next = 0
 
-    def tick(self, x: Vector, world: World) -> tuple[Vector, Vector]:
+    def tick(self, x: Vector, world: World, *, rest: bool = False) -> tuple[Vector, Vector]:
         """Torque of a tick and the planned one that it corrects in [N.m], (4,) each, stance order.
 
         Args:
             x: State measured, link angles and rates, (10,).
             world: Walker, push and ground as believed now.
+            rest: Whether no plan is needed: the gait is the plan then.
         """
         self.made, self.solve_s = False, 0.0
+        if rest:
+            return self._rest(x)
         if self._waiting == 0:
             self._use()
         if self._next <= 0 and self._waiting < 0:
@@ -177,6 +182,19 @@ class Planner:
         self._waiting -= 1 if self._waiting >= 0 else 0
         self._next -= 1
         return u, planned
+
+    def _rest(self, x: Vector) -> tuple[Vector, Vector]:
+        """The gait is the plan, followed from where the walker is."""
+        if self.figures is not None:
+            elapsed = self._elapsed
+            self.reset()
+            self._ticks = self._elapsed = elapsed
+        self._expected[:] = x
+        self._ticks += 1
+        self._elapsed += 1
+        self._next = 0
+        planned = self._plan.u[_interval(self._plan, self._ticks * self._period)].copy()
+        return planned, planned
 
     def _make(self, x: Vector, world: World) -> None:
         """Plan from where the present plan will have led when the new one is used."""

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from controller.belief import Friction, Gains, Gait, Loop, WalkerModel, kernels
-from controller.belief.closed_loop import closed_loop
+from controller.belief.closed_loop import GaitTable, closed_loop, outputs
 from controller.belief.ground import lands
 from controller.common.compiled import Array, compiled
 from controller.common.records import Vector
@@ -96,3 +96,11 @@ def plan_of_gait(
                 w.plan.u[p * (K + 1) + j] = np.clip(held, -cost.limit, cost.limit)
     improve(cost, world(model), x[0], 0.0, ITERATIONS, w)
     return cost, w
+
+
+@compiled
+def on_the_clock(gait: GaitTable, q: Array, dq: Array) -> tuple[Array, float, float]:
+    """Outputs in [rad], (4,), the clock's rate in [rad/s], and the clock in [rad]."""
+    stage = kernels.new_stage()
+    theta, dtheta = outputs(gait, q, dq, stage)
+    return stage.y, dtheta, theta
