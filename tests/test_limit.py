@@ -111,7 +111,8 @@ def test_steps_that_must_be_quick_hold_less(search):
 )
 def test_every_kind_of_disturbance_has_a_limit(question, low, high, search):
     found = answer(question, search)
-    assert low < found.value < high and not found.at_bound
+    assert low < found.value < high
+    assert found.at_bound == (question.axis == "friction")  # a walk that needs none: the program's own least is reached
 
 
 def test_what_is_known_late_is_held_less(found):
