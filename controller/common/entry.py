@@ -8,15 +8,13 @@ Common ground of both worlds: it knows nothing of a walker.
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from llvmlite import ir
 from numba import typeof, types
 from numba.core import cgutils
-from numba.core.registry import cpu_target
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 
 from controller.common.compiled import Kernel
-from controller.common.held import Held, HeldType, _keep
+from controller.common.held import mark
 
 
 class EntryType(types.Type):
@@ -56,50 +54,18 @@ class Entry:
 
     def __init__(self, kernel: Kernel, *arguments: Any) -> None:
         """Args: kernel: made by `compiled`; arguments: of the types it is called with."""
-        kinds = tuple(map(kind_of, arguments))
-        found = overload(kernel, kinds)
+        key = kernel, mark(arguments)
+        if key not in _FOUND:
+            kinds = tuple(map(typeof, arguments))
+            kernel.compile(kinds)
+            found: Any = kernel.overloads[kinds]
+            kind = EntryType(found.signature.return_type, kinds)
+            _FOUND[key] = kind, int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
         self._kernel = kernel  # whose machine code it is
-        self._numba_type_ = EntryType(found.signature.return_type, kinds)
-        self.address = int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
+        self._numba_type_, self.address = _FOUND[key]
 
 
-def kind_of(value: Any) -> Any:
-    """Numba's type of a value; remembered for arrays of records, of which Numba works it out anew each time."""
-    if (own := getattr(value, "_numba_type_", None)) is not None:
-        return own
-    if isinstance(value, tuple):
-        return types.BaseTuple.from_types(tuple(map(kind_of, value)), type(value))
-    if not isinstance(value, np.ndarray):
-        return typeof(value)
-    flags = value.flags
-    key = value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable
-    if key not in _KINDS:
-        _KINDS[key] = typeof(value)
-    return _KINDS[key]
-
-
-_KINDS: dict[Any, Any] = {}
-
-
-def overload(kernel: Kernel, kinds: tuple[Any, ...]) -> Any:
-    """What has been compiled of a kernel for arguments of given types; compiled now if it has not."""
-    if kinds not in kernel.overloads:
-        kernel.compile(kinds)
-    return kernel.overloads[kinds]
-
-
-class Handed(Held):
-    """A `Held` that is made often, of the same types each time."""
-
-    def __init__(self, value: Any) -> None:
-        """Args: value: the tuple."""
-        self.value = value
-        kind = kind_of(value)
-        self._numba_type_ = HeldType(kind)
-        context = cpu_target.target_context
-        self._memory = np.zeros(context.get_abi_sizeof(context.get_value_type(kind)) // 8 + 1, dtype=np.int64)
-        self.address = int(self._memory.__array_interface__["data"][0])
-        overload(_keep, (types.int64, kind)).entry_point(self.address, value)
+_FOUND: dict[Any, tuple[EntryType, int]] = {}
 
 
 class Bound(NamedTuple):

@@ -95,6 +95,33 @@ def _keep(address: int, value: Any) -> None:
     store(address, value)
 
 
+def mark(value: Any) -> Any:
+    """What tells values of one type from those of another, found without Numba.
+
+    To Numba the type of an array of records or of a nested tuple is a millisecond's work.
+    """
+    if (own := getattr(value, "_numba_type_", None)) is not None:
+        return id(_OWN.setdefault(id(own), own))  # Numba has one of each; kept, so that its number stays its own
+    if isinstance(value, tuple):
+        return (type(value), *map(mark, value))
+    if isinstance(value, np.ndarray):
+        flags = value.flags
+        return value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable
+    return type(value)
+
+
+_OWN: dict[int, Any] = {}
+
+
+def _keeper(kind: Any) -> tuple[HeldType, Any, int]:
+    """What a tuple of a type is handed over as, what keeps it, and how many numbers of 64 bits it takes."""
+    kinds = types.int64, kind
+    _keep.compile(kinds)
+    context = cpu_target.target_context
+    size = context.get_abi_sizeof(context.get_value_type(kind)) // 8 + 1
+    return HeldType(kind), _keep.overloads[kinds].entry_point, size
+
+
 class Held:
     """A tuple of arrays, flags and numbers, nested or not, as it is now; its arrays stay shared with Python.
 
@@ -106,9 +133,14 @@ class Held:
     def __init__(self, value: Any) -> None:
         """Args: value: the tuple."""
         self.value = value
-        kind = typeof(value)
-        self._numba_type_ = HeldType(kind)
-        context = cpu_target.target_context
-        self._memory = np.zeros(context.get_abi_sizeof(context.get_value_type(kind)) // 8 + 1, dtype=np.int64)
+        key = mark(value)
+        if key not in _KNOWN:
+            _KNOWN[key] = _keeper(typeof(value))
+        self._numba_type_, keep, size = _KNOWN[key]
+        self._memory = np.zeros(size, dtype=np.int64)
         self.address = int(self._memory.__array_interface__["data"][0])
-        _keep(self.address, value)
+        keep(self.address, value)
+
+
+_KNOWN: dict[Any, tuple[HeldType, Any, int]] = {}
+"""By the mark of a tuple."""

@@ -3,16 +3,23 @@
 import dataclasses
 import time
 from collections.abc import Callable
+from typing import Any
 
 from sim.bench.figure import Figure
 from sim.bench.substeps import four_substeps, in_substeps
-from sim.scenario import Scenario
+from sim.scenario import Scenario, with_values
 from sim.trials.plan import MonteCarloStudy, Plan
 from sim.trials.plan.montecarlo import RandomAxis
 from sim.trials.run import run_plan
 from sim.trials.run.campaign import Progress, cores
+from sim.trials.run.trial import TrialSpec, run_trial
 
 STEPS = 5
+TRIES = 7  # trials of which the fastest counts
+PLANTS: dict[str, dict[str, Any]] = {
+    "rigid": {"plant.kind": "rigid", "plant.timestep": 1e-3},
+    "mujoco": {"plant.kind": "mujoco"},
+}
 TARGETS = {"c-mpc": ">= 6", "zd-pd": ">= 20"}
 """Trials a second asked for on two cores."""
 
@@ -30,6 +37,8 @@ def benchmark(controllers: tuple[str, ...], trials: int, say: Say) -> list[Figur
     workers = min(2, cores())
     figures = []
     for kind in controllers:
+        say(f"{kind}: CPU time of a ten-step trial on each plant")
+        figures += [cpu_of_a_trial(kind, plant) for plant in PLANTS]
         say(f"{kind}: {trials} trials in this process, {trials} in {workers} others")
         plan = _plan(kind, trials)
         one, cpu = _rate(plan, 1)
@@ -46,6 +55,23 @@ def benchmark(controllers: tuple[str, ...], trials: int, say: Say) -> list[Figur
                        target=">= 0.95"),
             ]  # fmt: skip
     return in_substeps(figures, four_substeps())
+
+
+def cpu_of_a_trial(kind: str, plant: str) -> Figure:
+    """CPU time of one trial in this process, the least of some: plant built, ten steps, what became of it.
+
+    Args:
+        kind: Of the controller.
+        plant: Its kind.
+    """
+    plan = _plan(kind, TRIES + 1)
+    plan = dataclasses.replace(plan, scenario=with_values(plan.scenario, {"steps": 10, **PLANTS[plant]}))
+    times = []
+    for index in range(TRIES + 1):
+        began = time.process_time()
+        run_trial(TrialSpec(plan=plan, controller=kind, index=index))
+        times.append(time.process_time() - began)
+    return Figure(name=f"{kind}, CPU time of a ten-step trial, {plant} plant", value=min(times[1:]), unit="s")
 
 
 def _plan(kind: str, trials: int) -> Plan:

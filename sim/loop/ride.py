@@ -12,7 +12,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from controller.common.compiled import generic
-from controller.common.entry import Bound, Handed, call
+from controller.common.entry import Bound, call
 from controller.common.held import Held, held
 from sim.interface import Controller, Plant, Rows
 from sim.loop import judge as judging
@@ -120,7 +120,7 @@ def ride_of(plant: Plant, controller: Controller, block: Ticks, pushes: Pushes, 
     if ways is None or decide is None:
         return None
     moment = np.zeros(2, dtype=np.int64)
-    return Handed(
+    return Held(
         Parts(
             look=ways[0],
             move=ways[1],
