@@ -11,7 +11,7 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Chunk
+from mcap.records import Channel, Chunk, Message
 from mcap.writer import MCAP0_MAGIC
 
 from sim.bridge.run import run_scenario
@@ -186,6 +186,31 @@ def test_as_many_chunks_with_other_bounds_are_another_container(path, tmp_path):
         logs.append(read_log(file))
     assert len(logs[0].chunks) == len(logs[1].chunks) and logs[0].chunks != logs[1].chunks
     assert compare(*logs).verdict == "same ticks, other container: chunks of other sizes"
+
+
+def test_channels_of_one_topic_and_schema_are_saved_as_one(path, tmp_path, capsys):
+    parts = Parts.of(path.read_bytes())
+    for key in (900, 901):
+        parts.channels[key] = Channel(id=key, topic="/camera", message_encoding="json", metadata={}, schema_id=0)
+        parts.messages.append(Message(key, 10**8, b"{}", 0, 0))
+    (tmp_path / "two.mcap").write_bytes(parts.write())
+    code, out, _ = cmpc(capsys, "log", "recover", tmp_path / "two.mcap", tmp_path / "saved.mcap")
+    assert code == 0 and "all there was" in out
+    assert len(read_log(tmp_path / "saved.mcap").records("/camera")) == 2
+
+
+def test_an_attachment_nested_deeper_than_python_is_no_gait_and_no_scenario(path, tmp_path, capsys):
+    for number in range(2):
+        parts = Parts.of(path.read_bytes())
+        names = [name for name, _, _ in parts.attachments if name.endswith(".toml")]
+        deep = ("seed = " + "[" * 5000 + "]" * 5000).encode()
+        parts.attachments = [(n, k, deep if n == names[number] else c) for n, k, c in parts.attachments]
+        bad = tmp_path / f"{number}.mcap"
+        bad.write_bytes(parts.write())
+        code, _, err = cmpc(capsys, "review", bad, "--no-open", "--out", tmp_path / "page.html")
+        assert code == 0, err
+        code, _, err = cmpc(capsys, "replay", bad, "--quiet")
+        assert code == 2 and "Traceback" not in err and "nested too deeply" in err.splitlines()[-1]
 
 
 def test_a_truncated_log_is_never_identical_to_itself(path, tmp_path, capsys):

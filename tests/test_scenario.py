@@ -209,6 +209,7 @@ BAD = {
     "[start]\nq_offset = [0, 0, 0, 0]": ["start.q_offset", "5 finite numbers", "[rad]"],
     "[start]\ntorso_offset = nan": ["start.torso_offset = nan rad", "[rad]"],
     "steps = \n": ["not valid TOML", "line 1"],
+    "steps = " + "[" * 5000 + "]" * 5000: ["not valid TOML", "nested too deeply"],
 }
 
 

@@ -1,6 +1,5 @@
 """A gait: Bezier outputs h_d over the internal clock theta, and the file it comes from."""
 
-import tomllib
 from dataclasses import dataclass
 from math import comb
 from pathlib import Path
@@ -12,6 +11,7 @@ from controller.belief.closed_loop import GaitTable
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.model import WalkerModel
 from controller.belief.polynomial import power_basis
+from controller.common import toml
 from controller.common.errors import UserError
 from controller.common.products import inner
 from controller.common.records import ACTUATED, Vector, swap_legs
@@ -116,8 +116,8 @@ def load_gait(path: Path, model: WalkerModel) -> Gait:
     if not path.is_file():
         raise UserError(f"{path}: no such gait file")
     try:
-        data = tomllib.loads(path.read_text())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        data = toml.loads(path.read_text())
+    except ValueError as error:  # UnicodeDecodeError is one
         raise UserError(f"{path}: not a TOML file ({error})") from error
     return parse_gait(data, str(path), model)
 

@@ -1,12 +1,12 @@
 """A gait of another program's step: what its file says is read, fitted and polished."""
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
 from controller.belief import WalkerModel, load_gait
+from controller.common import toml
 from controller.design import frost, gait_file, imported
 from controller.design.orbit import periodic_orbit
 from controller.design.polish import polish
@@ -85,8 +85,8 @@ def _columns(file: Path, joints: Sequence[str], stance: str, number: int | None)
     if file.suffix == ".csv":
         return imported.read_csv(text, where)
     try:
-        data = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:
+        data = json.loads(text) if file.suffix == ".json" else toml.loads(text)
+    except (ValueError, RecursionError) as error:
         raise UserError(f"{where}: neither CSV, TOML, JSON nor .mat by its name and content ({error})") from error
     if not isinstance(data, dict):
         raise UserError(f"{where}: a {type(data).__name__}; must be a table with outputs, alpha, clock, clock_range")

@@ -1,10 +1,10 @@
 """What the review page says in words: headline, summary table, scenario, versions."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
+from controller.common import toml
 from sim.log.read.frames import Run, parsed
 from sim.log.tools.text import printable
 from sim.pages import number
@@ -215,7 +215,7 @@ def _ground(points: Any) -> list[tuple[float, float]]:
 def controller_of(run: Run) -> str:
     """Kind of the controller, "" if unknown; read even from a scenario of another version."""
     try:
-        kind = tomllib.loads(run.scenario_toml).get("controller", {}).get("kind", "")
+        kind = toml.loads(run.scenario_toml).get("controller", {}).get("kind", "")
     except (ValueError, AttributeError):
         kind = ""
     return printable(kind)

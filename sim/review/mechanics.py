@@ -6,7 +6,6 @@ centre of mass ahead of the foot and L = I(theta) d(theta)/dt; Westervelt et al.
 Robot Locomotion", chapter 5.
 """
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.common import toml
 from sim.errors import UserError
 from sim.interface import COORDINATES, LEGS
 from sim.log.read.attachments import unpacked
@@ -178,7 +178,7 @@ def mechanics_of(run: Run, columns: dict[str, Column]) -> dict[str, Column]:
         with unpacked(scenario, run.log.attachments) as files:
             links = Links.of(scenario.plant, files.mjcf)
             nominal = Links.of(PlantSettings(), files.mjcf)
-            gait = tomllib.loads(files.gait.read_text())
+            gait = toml.loads(files.gait.read_text())
         orbit = Orbit.of(gait, nominal)
     except (UserError, ValueError, KeyError, TypeError, IndexError, OSError):
         return {}

@@ -3,11 +3,11 @@
 import contextlib
 import difflib
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from controller.common import toml
 from controller.common.outside import inert
 from sim.errors import UserError
 from sim.scenario.scenario import Scenario
@@ -36,7 +36,7 @@ def from_toml(source: str | Path, *, trusted: bool = True) -> Scenario:
     where = str(source) if isinstance(source, Path) else "scenario"
     try:
         text = source.read_text(encoding="utf-8") if isinstance(source, Path) else source
-        tree = tomllib.loads(text)
+        tree = toml.loads(text)
         if isinstance(source, Path):
             _check_kind(tree, source)
             tree.setdefault("name", source.stem)
@@ -46,11 +46,9 @@ def from_toml(source: str | Path, *, trusted: bool = True) -> Scenario:
         raise UserError(f"{where}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise UserError(f"{where}: is not UTF-8 text (byte {error.start})") from None
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{where}: is not valid TOML: {error}") from None
     except UserError as error:
         raise UserError(f"{where}: {error}") from None
-    except ValueError as error:  # an integer of thousands of digits
+    except ValueError as error:
         raise UserError(f"{where}: is not valid TOML: {error}") from None
 
 

@@ -125,7 +125,7 @@ def _library(data: bytes) -> dict[str, str]:
     """Names and texts of an attached gait library."""
     try:
         found = json.loads(data) if len(data) <= LARGEST_MODEL else None
-    except ValueError:
+    except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict) or not all(isinstance(text, str) for text in found.values()):
         raise UserError(f"{LIBRARY} of the log: must hold names and texts of gait files, {LARGEST_MODEL} bytes at most")

@@ -49,13 +49,12 @@ def recover(source: Path, target: Path) -> Recovery:
     data = read_bytes(source)
     walked = scan(data)
     log = log_of(source, walked)
-    known = {channel.id: channel for channel in log.channels.values()}
     sound = {topic: _sound(log, topic) for topic in log.channels}
-    records = [record for kept in sound.values() for record in kept]
+    records = [(record, topic) for topic, kept in sound.items() for record in kept]
     if not records:
         raise UserError(f"{source}: no message can be saved")
     lost = _lost(log, walked, len(data), sound)
-    in_time = sorted(records, key=time_ns)
+    in_time = sorted(records, key=lambda one: time_ns(one[0]))
     file = McapFile(target)
     try:
         for opcode, record in walked.kept:
@@ -67,11 +66,11 @@ def recover(source: Path, target: Path) -> Recovery:
             before = log.metadata.get("recovery", {}).get("lost")
             losses = "; ".join([before, *lost] if before else lost)
             file.metadata("recovery", {"lost": losses, "source": printable(source.name)})
-        ids = {old: file.copy(channel, log.schemas.get(channel.schema_id)) for old, channel in known.items()}
+        ids = {topic: file.copy(channel, log.schemas.get(channel.schema_id)) for topic, channel in log.channels.items()}
         _write(file, in_time, ids)
     finally:
         file.finish()
-    return Recovery(log=log, messages=len(records), last_s=time_ns(in_time[-1]) * 1e-9, lost=lost)
+    return Recovery(log=log, messages=len(records), last_s=time_ns(in_time[-1][0]) * 1e-9, lost=lost)
 
 
 def _sound(log: Log, topic: str) -> list[bytes]:
@@ -92,8 +91,8 @@ def _sound(log: Log, topic: str) -> list[bytes]:
         return records
 
 
-def _write(file: McapFile, records: list[bytes], ids: dict[int, int]) -> None:
-    """Write messages in chunks, channel ids replaced."""
+def _write(file: McapFile, records: list[tuple[bytes, str]], ids: dict[str, int]) -> None:
+    """Write messages of topics in chunks, channel ids replaced: parts of one channel had ids of their own."""
     parts: list[bytes] = []
     index: dict[int, list[tuple[int, int]]] = {}
     size = 0
@@ -107,8 +106,8 @@ def _write(file: McapFile, records: list[bytes], ids: dict[int, int]) -> None:
         index.clear()
         size = 0
 
-    for record in records:
-        channel_id = ids[int.from_bytes(record[9:11], "little")]
+    for record, topic in records:
+        channel_id = ids[topic]
         index.setdefault(channel_id, []).append((time_ns(record), size))
         parts.append(record[:9] + channel_id.to_bytes(2, "little") + record[11:])
         size += len(record)

@@ -2,12 +2,12 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from controller.common import toml
 from sim import pages
 from sim.errors import UserError
 from sim.scenario import Scenario
@@ -134,10 +134,10 @@ def read_limits(path: Path) -> Limits:
         UserError: it is missing, unreadable, or none.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = toml.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: no file of limits that can be read; must be made by cmpc limit --out") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise UserError(f"{path}: not TOML ({error}); must be made by cmpc limit --out") from error
     rows = table.get("limits", [])
     if not isinstance(rows, list) or not all(isinstance(table.get(key), str) for key in ("walker", "gait")):

@@ -1,0 +1,23 @@
+"""TOML as people and strangers write it, read or refused: with one kind of error, whatever is wrong with it.
+
+Common ground of both worlds: it knows nothing of a walker.
+"""
+
+import tomllib
+from typing import Any
+
+
+def loads(text: str) -> dict[str, Any]:
+    """What a TOML text says.
+
+    Args:
+        text: The text.
+
+    Raises:
+        ValueError: no TOML, or one that Python's parser cannot hold: integers of thousands of digits, tables or
+            arrays nested deeper than its stack.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("its tables or arrays are nested too deeply") from None
