@@ -18,9 +18,10 @@ from controller.limit.question import Question
 from controller.limit.solve import Search, answer
 from controller.limit.walk import state_at
 from sim import cli
-from sim.bridge.limits import ask
+from sim.bridge.limits import AXES, ask, fingerprint
 from sim.scenario import Scenario, with_values
-from sim.trials.plan.limits import Limits, read_limits
+from sim.trials.plan import load_plan
+from sim.trials.plan.limits import Limits, read_limits, shipped_limits
 
 GAIT = "paper-polished"
 
@@ -141,6 +142,18 @@ def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
     path.write_text("walker = 1")
     with pytest.raises(UserError, match="made by cmpc limit --out"):
         read_limits(path)
+
+
+def test_the_shipped_limits_stand_beside_the_atlas():
+    """Of RABBIT as it is; a push through step 2 is held against step 1's, and what is not trusted against nothing."""
+    limits, plan = shipped_limits("rabbit"), load_plan("atlas")
+    assert plan.limits == "rabbit" and {row["axis"] for row in limits.rows} == {*AXES}
+    assert limits.walker == fingerprint("rabbit", limits.gait)
+    pushed = with_values(Scenario(), {"pushes": [{"force": -1.0, "step": 2}]})
+    row = limits.beside(pushed, "pushes.0.force", -1)
+    assert row is not None and row["step"] == 1 and row["value"] == pytest.approx(-59.8, abs=0.1)
+    assert limits.beside(Scenario(), "plant.ground.friction", -1) is None
+    assert limits.beside(Scenario(), "plant.mass_factor.torso", 1) is None
 
 
 @pytest.mark.parametrize(

@@ -69,14 +69,18 @@ class Limits:
     def beside(self, scenario: Scenario, path: str, sign: int) -> Mapping[str, Any] | None:
         """The row that an axis of trials is held against, None where there is none.
 
+        A push through a later step may have no limit, since who knows of it prepares for it in the steps before. It is
+        then held against the same push through the first step: on its gait a walker begins every step alike.
+
         Args:
             scenario: With a value of the axis set.
             path: Setting that the axis varies.
             sign: Which way it is varied, -1 or 1.
         """
         name, step = _asked(scenario, path, sign)
-        rows = [row for row in self.rows if row["axis"] == name and row["step"] == step]
-        rows = [row for row in rows if row.get("trusted", not row["at_bound"]) and not {"seconds", "blind"} & {*row}]
+        known = [row for row in self.rows if row["axis"] == name and not {"seconds", "blind"} & {*row}]
+        known = [row for row in known if row.get("trusted", not row["at_bound"])]
+        rows = [row for row in known if row["step"] == step] or [row for row in known if row["step"] == 1]
         mu = scenario.plant.ground.friction
         return min(rows, key=lambda row: abs(row["friction"] - mu), default=None)
 
