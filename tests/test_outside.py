@@ -134,6 +134,42 @@ def test_settings_that_refuse_a_value_do_so_in_one_line(tmp_path, capsys):
     assert err == "cmpc: error: --controller.settings: ValueError: more than the motors bear\n"
 
 
+ODD_FIELDS = {
+    "a: Literal[1, 2] = 1": "a Literal must be of words",
+    "a: float = 'x'": "default of a = 'x': must be a finite number",
+    "a: float = float('nan')": "default of a = nan: must be a finite number",
+    "a: bool = 1": "default of a = 1: must be true or false",
+    "a: tuple[float, str] = (1.0, 'x')": "a tuple must be of one type",
+    "a: 'Undefined' = 1.0": "its annotations: NameError: name 'Undefined' is not defined",
+    "a: Path = Path()": "must be bool, int, float",
+    "a: 'Settings | None' = None": "a table must be there",
+    "a: 'tuple[Settings, ...]' = ()": "tables must come to an end",
+    "a: float = 1.0\n    def __post_init__(self): 1 / 0": "cannot be made of defaults: ZeroDivisionError",
+}
+
+
+def odd_settings(folder, fields):
+    text = "from dataclasses import dataclass, field\nfrom pathlib import Path\nfrom typing import Literal\n"
+    text += f"@dataclass\nclass Settings:\n    {fields}\n"
+    text += "class Limp:\n    def reset(self, stance): pass\n    def step(self, observation): return [0.0] * 4\n"
+    (folder / "odd.py").write_text(text + "def make(settings: Settings): return Limp()\n", encoding="utf-8")
+    return str(folder / "odd.py")
+
+
+@pytest.mark.parametrize("fields", ODD_FIELDS)
+def test_settings_that_could_not_be_written_down_are_refused_in_one_line(fields, tmp_path, capsys):
+    """What a run takes, its log must give back."""
+    assert cli.main(["run", "undisturbed", "--no-log", "--controller", odd_settings(tmp_path, fields)]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and ODD_FIELDS[fields] in err, err
+
+
+def test_settings_of_any_name_and_those_made_by_themselves_come_back_from_a_log(tmp_path):
+    kind = odd_settings(tmp_path, "größe: float = 1.0\n    made: float = field(init=False, default=2.0)")
+    walk(kind, tmp_path / "a.mcap", time_limit=0.01, **{"controller.settings.größe": 3.0})
+    assert scenario_of(read_log(tmp_path / "a.mcap")).controller.settings.größe == 3.0
+
+
 def test_an_installed_distribution_offers_its_controller_by_name(tmp_path):
     """A tiny distribution as pip lays it down, looked at by a process of its own."""
     (tmp_path / "pd_of_mine.py").write_text(PD)

@@ -84,21 +84,44 @@ def specs(cls: Any) -> Mapping[str, Spec]:
 
 @functools.cache
 def _specs(cls: Any) -> Mapping[str, Spec]:
-    hints = typing.get_type_hints(cls, include_extras=True)
+    who = f"{re.sub('_[0-9a-f]{12}$', '.py', cls.__module__)}: {cls.__qualname__}"  # as a file's module is called
+    try:
+        hints = typing.get_type_hints(cls, include_extras=True)
+    except Exception as error:  # of a class from outside, whose annotations may be anything
+        raise UserError(f"{who}: its annotations: {type(error).__name__}: {error}") from error
     helps: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         helps |= _attribute_helps(base)
     found = {}
     for field in dataclasses.fields(cls):
+        if not field.init:
+            continue  # made by the class itself
         try:
-            found[field.name] = _spec(hints[field.name], _default(field), helps.get(field.name, ""))
+            spec = _spec(hints[field.name], _default(field), helps.get(field.name, ""))
+            if spec.is_table and _holds(spec.type, cls):
+                raise TypeError(f"{spec.type.__qualname__} holds {cls.__qualname__} again; tables must come to an end")
         except TypeError as error:
-            raise UserError(f"{cls.__module__}.{cls.__qualname__}: field {field.name}: {error}") from None
+            raise UserError(f"{who}: field {field.name}: {error}") from None
+        if not spec.is_table and spec.default is not MISSING:
+            leaf(spec.default, spec, f"{who}: default of {field.name}")
+        found[field.name] = spec
     return found
 
 
 def _default(field: "dataclasses.Field[Any]") -> Any:
-    return field.default_factory() if field.default_factory is not MISSING else field.default
+    if field.default_factory is MISSING:
+        return field.default
+    try:
+        return field.default_factory()
+    except Exception as error:  # of a class from outside
+        name = getattr(field.default_factory, "__qualname__", "its default")
+        words = " ".join(f"{type(error).__name__}: {error}".split())
+        raise TypeError(f"{name} cannot be made of defaults: {words}") from error
+
+
+def _holds(kind: Any, cls: Any) -> bool:
+    """Whether a settings class is another, or has a field that holds it."""
+    return kind is cls or any(spec.is_table and _holds(spec.type, cls) for spec in specs(kind).values())
 
 
 def _spec(hint: Any, default: Any, help: str) -> Spec:
@@ -112,6 +135,12 @@ def _spec(hint: Any, default: Any, help: str) -> Spec:
     kind = {tuple: args[0] if args else None, typing.Literal: str}.get(origin, hint)
     if kind not in (bool, int, float, str) and not dataclasses.is_dataclass(kind):
         raise TypeError(f"type {hint!r}: must be {TYPES}")
+    if origin is tuple and not repeated and len(set(args)) > 1:
+        raise TypeError(f"type {hint!r}: a tuple must be of one type")
+    if origin is typing.Literal and not all(isinstance(word, str) for word in args):
+        raise TypeError(f"type {hint!r}: a Literal must be of words")
+    if optional and dataclasses.is_dataclass(kind):
+        raise TypeError(f"type {hint!r} | None: a table must be there")
     words = next((note for note in notes if isinstance(note, Words)), None)
     return Spec(
         type=kind,

@@ -262,13 +262,18 @@ def _toml_lines(settings: Any, path: str) -> Iterator[str]:
     fields = specs(type(settings)).items()
     for name, spec in fields:
         if not spec.is_table and getattr(settings, name) is not None:
-            yield toml_line(Setting(path=name, value=getattr(settings, name), spec=spec))
+            yield toml_line(Setting(path=_bare(name), value=getattr(settings, name), spec=spec))
     for name, spec in fields:
         if spec.is_table:
-            here, value = join(path, name), getattr(settings, name)
+            here, value = f"{path}.{_bare(name)}" if path else _bare(name), getattr(settings, name)
             for item in value if spec.repeated else (value,):
                 yield f"\n[[{here}]]" if spec.repeated else f"\n[{here}]"
                 yield from _toml_lines(item, here)
+
+
+def _bare(key: str) -> str:
+    """A key as TOML takes it: quoted where it is not of ASCII."""
+    return key if key.isascii() else json.dumps(key, ensure_ascii=False)
 
 
 def _toml_value(value: bool | float | str | Sequence[float]) -> str:
