@@ -25,7 +25,9 @@ PARSED = "parsed only"
 NO_OPENGL = "cmpc: error: MuJoCo cannot draw here"  # on a machine without EGL, what films is as right as it can be
 
 CHEAP = (
-    (r"^cmpc trials numerics .*", PARSED),
+    (r"^cmpc trials (numerics|certify) .*", PARSED),
+    (r"^cmpc run tuned.toml", r"cmpc run gains.toml --steps 3"),
+    (r"^cmpc run --from-trial \S+/ID.*", PARSED),
     (r"^cmpc trials bench", r"cmpc trials bench --trials 4"),
     (r"^cmpc trials \w+ (.*--out \S+).*", r"cmpc trials tiny.toml \1"),
     (r"^cmpc reproduce all( --quick)?$", r"cmpc reproduce fig3 --quick"),
