@@ -107,11 +107,10 @@ def card() -> None:
 
 
 def trials() -> None:
-    """The pages of a campaign."""
+    """The page of a campaign."""
     Path("plan.toml").write_text(PLAN, encoding="utf-8")
     cmpc("trials", "plan.toml", "--out", "campaign")
     photograph(Path("campaign/report.html"), "trials", 1100, 1000)
-    photograph(Path("campaign/breaks.html"), "breaks", 1100, 700)
 
 
 def gait() -> None:

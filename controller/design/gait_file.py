@@ -53,12 +53,15 @@ def to_toml(model: WalkerModel, gait: Gait, orbit: Orbit, remarks: tuple[str, ..
 
 
 def write(path: Path, text: str) -> None:
-    """Write a file whole or not at all.
+    """Write a file whole or not at all; into a device or a pipe.
 
     Raises:
         UserError: it cannot be written.
     """
     try:
+        if path.exists() and not path.is_file():
+            path.write_text(text, encoding="utf-8")
+            return
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
             file.write(text)
         os.chmod(file.name, 0o644)

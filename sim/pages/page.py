@@ -33,12 +33,15 @@ def render(template: str, **values: Any) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a file whole or not at all; one of that name is replaced.
+    """Write a file whole or not at all; one of that name is replaced, a device or a pipe is written into.
 
     Raises:
         UserError: it cannot be written.
     """
     try:
+        if path.exists() and not path.is_file():
+            path.write_bytes(text.encode("utf-8", errors="replace"))
+            return
         with tempfile.NamedTemporaryFile("wb", dir=path.parent, prefix=f".{path.name}-", delete=False) as file:
             part = Path(file.name)
             try:
