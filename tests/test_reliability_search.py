@@ -40,11 +40,11 @@ def test_intervals_of_importance_sampling_cover_the_truth():
 def test_every_method_covers_the_truth_and_stays_within_the_walks_it_is_given(method):
     covered = 0
     for state in (STATES["linear, 10"], STATES["island, 2"], STATES["two-sided, 5"]):
-        for seed in range(4):
+        for seed in range(3):
             one = searched(state, seed, method)
             covered += one.covers(state.probability)
             assert one.found.probability.method == method and one.more <= MOST[method] + 1500  # with a pilot
-    assert covered >= 11
+    assert covered >= 8
 
 
 def test_directions_are_drawn_with_the_density_that_their_weights_say():

@@ -2,16 +2,18 @@
 
 import dataclasses
 import json
+from argparse import Namespace
 
 import numpy as np
 import pytest
 
+from sim.commands import campaign as campaigns
 from sim.commands import nearest
 from sim.commands.trials import _open
 from sim.errors import UserError
 from sim.review.campaign import review_campaign
 from sim.scenario import Scenario
-from sim.trials.plan.plan import from_toml
+from sim.trials.plan.plan import from_toml, load_plan
 from sim.trials.report.reliability_checks import crude_checks, repeats
 from sim.trials.report.reliability_findings import certificates, reliability_findings
 from sim.trials.report.report import write_report
@@ -230,6 +232,25 @@ def test_a_study_repeated_under_other_seeds_says_how_far_its_distances_spread(re
     three = dataclasses.replace(pd, betas=(1.9, 2.0, 2.1))
     assert (three.mean, three.spread, three.deviation) == pytest.approx((2.0, 0.1, 0.05))
     assert "10.0 % of the mean, standard deviation 5.0 %" in three.lines[0] and len(three.lines) == 5
+
+
+def test_both_checks_run_what_is_missing_and_print_a_line_each(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(pools, "local", lambda campaign, workers: fake(HARD))
+    monkeypatch.setattr(campaigns, "write_pages", lambda results, out: None)
+    plan = from_toml(PLAN.replace('"zd-pd", ', "").replace("draws = 60", "draws = 20"))
+    found = Namespace(
+        workers=1, cluster=None, mix=True, quiet=True, controllers="c-mpc", repeat=2, check_crude=30
+    )  # fmt: skip
+    assert nearest.repeat(plan, tmp_path, found) == 0
+    assert "2 seeds, each with its own noise" in capsys.readouterr().out and (tmp_path / "seed-1").is_dir()
+    assert nearest.check_crude(plan, tmp_path / "seed-0", found) == 0
+    before = (tmp_path / "seed-0" / "results.sqlite").stat().st_mtime_ns
+    assert nearest.check_crude(plan, tmp_path / "seed-0", found) == 0
+    assert (tmp_path / "seed-0" / "results.sqlite").stat().st_mtime_ns == before  # the study was there
+    said = capsys.readouterr().out
+    assert "falls among 30 draws" in said and (tmp_path / "seed-0" / "crude-30-c-mpc" / "results.sqlite").is_file()
+    with pytest.raises(UserError, match=r"has no \[\[reliability"):
+        nearest.repeat(load_plan("montecarlo"), tmp_path, found)
 
 
 def test_pairs_of_axes_can_be_added_to_a_study_that_is_over(tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from sim.commands.campaign import run_campaign
 from sim.errors import UserError
 from sim.settings import flags
+from sim.terminal.console import note
 
 if TYPE_CHECKING:
     from sim.trials.plan import Plan, ReliabilityStudy
@@ -62,7 +63,8 @@ def repeat(plan: "Plan", out: Path, found: Namespace) -> int:
     each = []
     for seed in seeds:
         folder = out / f"seed-{seed}"
-        code = run_campaign(replace(plan, name=f"{plan.name}, seed {seed}", seed=seed), folder, found)
+        note(f"seed {seed}")
+        code = run_campaign(replace(plan, seed=seed), folder, found)
         if code:
             return code
         each.append(_findings(folder)[1])
@@ -95,7 +97,10 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
             return code
     theirs = _findings(out)[1]
     study = plan.reliability[0]
-    crude = replace(study, name=f"{study.name} crude", draws=found.check_crude, rays=0, scales=(), modes=0, pairs=())
+    crude = replace(
+        study, name=f"{study.name} crude", draws=found.check_crude, rays=0, scales=(), modes=0, pairs=(),
+        probability="importance",
+    )  # fmt: skip
     plain = replace(plan, name=f"{plan.name}, plain draws", reliability=(crude,))
     which = "-" + "-".join(plan.controllers) if found.controllers is not None else ""
     folder = out / re.sub(r"[^\w.-]", "_", f"crude-{found.check_crude}{which}")

@@ -132,23 +132,23 @@ def importance(
 
 
 def further(draws: Draws, n: int, seed: np.random.SeedSequence, *, variation: float, most: int) -> Search[Sample]:
-    """Go on drawing plainly, as many as a coefficient of variation takes by the falls so far, in rounds that double.
+    """Draw plainly, once as many as the draws there are say are needed; they count for nothing else.
 
     Args:
         draws: The draws there are; at the plan's spreads they are the first of the same sequence.
         n: Number of axes.
         seed: Of the points.
         variation: Coefficient of variation asked for.
-        most: Draws at most, those there are included.
+        most: Draws at most.
     """
-    sample = plain(draws)
-    while len(sample.u) < most and np.nansum(sample.fell) < 1.0 / variation**2:
-        first = len(sample.u)
-        z = np.clip(normal_draws(n, seed, first, min(first, most - first)), -FURTHEST, FURTHEST)
-        batch = ask(z, np.arange(first, first + len(z)) + 1)
-        fell = np.concatenate((sample.fell, (yield batch)))
-        sample = Sample(u=np.concatenate((sample.u, batch.u)), fell=fell, weight=np.ones(len(fell)), method="crude")
-    return sample
+    pilot = plain(draws).fell
+    first, share = len(pilot), float(np.nan_to_num(pilot).mean())
+    needed = MARGIN * (1.0 - share) / (share * variation**2) if share > 0.0 else math.inf
+    count = int(min(most, max(PILOT, needed)))
+    u = np.clip(normal_draws(n, seed, first, count), -FURTHEST, FURTHEST)
+    batch = ask(u, np.arange(first, first + count) + 1)
+    fell = yield batch
+    return Sample(u=batch.u, fell=fell, weight=np.ones(count), method="crude")
 
 
 def plain(draws: Draws) -> Sample:

@@ -122,7 +122,7 @@ def _sample(
     own = plain(draws)
     if found.modes and found.modes[0].beta == 0.0:  # half of all walks fall, about
         return own
-    if study.probability == "crude":
+    if study.probability == "crude" and np.nansum(own.fell) < ENOUGH:
         return (yield from further(draws, n, points, variation=study.variation, most=study.most))
     if study.probability == "subset":
         return (yield from subset(n, rng, variation=study.variation, most=study.most))

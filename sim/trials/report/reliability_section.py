@@ -201,7 +201,7 @@ def _halves(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]
     order = sorted(range(len(names)), key=lambda k: one.halves[k].value)[:MOST_ROWS]
     for k in order:
         half, (_, low, high) = one.halves[k], one.changes[k]
-        told = "" if low <= 0.0 <= high else "yes"
+        told = "yes" if high < 0.0 else "no: more falls" if low > 0.0 else "not told"
         yield (
             names[k],
             f"{p.value:.2g}",
