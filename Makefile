@@ -1,7 +1,7 @@
 # Every target makes .venv itself when it is missing or when what should be in it has changed.
 
 .DEFAULT_GOAL := help
-.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof interrupts reliability-proof clean help
+.PHONY: run see test fuzz tools check bench wheel docs docs-test pictures trials-proof logs-proof review-proof interrupts reliability-proof observer-proof clean help
 
 BIN := .venv/bin
 WALK := .venv/installed
@@ -70,6 +70,9 @@ interrupts: $(STAMP)  ## Ctrl-C at 40 random moments of 10 commands, some five m
 
 reliability-proof: $(STAMP)  ## searches for the nearest fall and its probability on limit states with known answers
 	@$(BIN)/python -m tests.reliability_proof $(ARGS)
+
+observer-proof: $(STAMP)  ## how well the observer sees a push through wrong masses, bias, noise and a load: a table, half a minute
+	@$(BIN)/python -m tests.observer_proof
 
 clean:  ## remove the environment and every cache; logs stay
 	rm -rf .venv build dist site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

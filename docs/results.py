@@ -1,7 +1,8 @@
-"""Fills the tables of docs/reproduction.md and docs/trials.md, and draws docs/atlas.png, from measured results.
+"""Fills tables of docs/reproduction.md, trials.md and controllers.md, and draws docs/atlas.png, from measured results.
 
 python docs/results.py reproduce logs/reproduce     # after cmpc reproduce all
 python docs/results.py atlas campaigns/atlas        # after cmpc trials atlas --controllers all --out campaigns/atlas
+python docs/results.py reach campaigns/reach...     # after cmpc trials reach --out campaigns/reach; folders in a row
 """
 
 import collections
@@ -97,6 +98,51 @@ def atlas(folder: Path) -> Iterator[str]:
     draw(found, list(own), DOCS / "atlas.png")
 
 
+ASKED = {
+    "push through step 1": (-45.0, 90.0),
+    "push through step 2": (-40.0, 80.0),
+    "impulse at the beginning of step 2": (-10.1, 15.1),
+    "slope from 0.6 m on": (-0.2, 0.2),
+    "ledge at 1 m": (-0.1, 0.06),
+    "load": (None, 6.0),
+}
+"""What is asked of c-mpc-plan, back or down and forward or up, by study of `reach`; of impulses 60 % of the limit."""
+
+
+def reach(folders: Sequence[Path]) -> Iterator[str]:
+    """What is held of what was asked, and the limit, as the lines of a table."""
+    yield "| disturbance | asked | starts that walked on | limit |"
+    yield "|---|---|---|---|"
+    for folder in folders:
+        yield from _reached(folder)
+
+
+def _reached(folder: Path) -> Iterator[str]:
+    from sim.trials.plan.axis import label
+    from sim.trials.plan.limits import shipped_limits
+    from sim.trials.run import Results
+    from sim.trials.run.recall import open_results
+    from sim.trials.run.trial import trial_scenario
+
+    plan, store = open_results(folder)
+    limits, tried = shipped_limits("rabbit"), collections.defaultdict(list)
+    for row in Results(plan=plan, store=store):
+        if row.known:
+            tried[row.controller, row.study, next(iter(json.loads(row.values).values()))].append(row)
+    for start, study in plan.offsets():
+        first = study.axes[0]
+        for kind in plan.controllers:
+            found = {value: rows for (who, name, value), rows in tried.items() if (who, name) == (kind, study.name)}
+            for sign, asked in zip((-1, 1), ASKED[study.name], strict=True):
+                own = sorted((v for v in found if sign * v > 0.0), key=abs)
+                if asked is None or not own:
+                    continue
+                walked = ", ".join(f"{v:g}: {sum(r.survived for r in found[v])} of {len(found[v])}" for v in own)
+                limit = limits.beside(trial_scenario(plan, kind, start), first.paths[0], sign)
+                words = f"{limit['value']:.3g} {limit['unit']}" if limit else "-"
+                yield f"| `{kind}`: {study.name}, {label(first)} | {asked:g} | {walked} | {words} |"
+
+
 def _row(name: str, cells: Sequence[str]) -> str:
     return f"| {name} | {' | '.join(cell(text) for text in cells)} |"
 
@@ -146,11 +192,13 @@ def draw(found: Sequence[Any], controllers: Sequence[str], path: Path) -> None:
 
 def main(words: Sequence[str]) -> None:
     """Fill the page of what was asked for."""
-    if len(words) != 2 or words[0] not in ("reproduce", "atlas"):
+    if len(words) < 2 or words[0] not in ("reproduce", "atlas", "reach") or (len(words) > 2 and words[0] != "reach"):
         raise SystemExit(__doc__)
     folder = Path(words[1])
     if words[0] == "reproduce":
         fill(DOCS / "reproduction.md", "verdicts", list(verdicts(folder)))
+    elif words[0] == "reach":
+        fill(DOCS / "controllers.md", "reach", list(reach([Path(word) for word in words[1:]])))
     else:
         fill(DOCS / "trials.md", "atlas", list(atlas(folder)))
 
