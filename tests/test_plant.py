@@ -250,6 +250,12 @@ def test_mjcf_text_is_the_plant_that_ran() -> None:
     assert plant.sources == (RABBIT,)
 
 
+def test_textures_are_for_viewers_alone_and_change_no_motion() -> None:
+    plain, shown = make(), MujocoPlant(PlantSettings(), RABBIT, PERIOD, pictures=True)
+    assert plain.model.ntex == 0 and shown.model.ntex > 0
+    assert all(np.array_equal(a, b) for a, b in zip(walk_about(plain), walk_about(shown), strict=True))
+
+
 # External forces
 
 

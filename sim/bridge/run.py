@@ -6,6 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from controller.common import outside
@@ -21,6 +22,7 @@ from sim.log.write import Recorder, RunHeader
 from sim.loop import Course, FallCriteria, Loop, NoTape, Progress, RunSummary, Stop, Tape, Tapes
 from sim.plant import MujocoPlant, RigidPlant, Walker
 from sim.plant.actuation import Actuation
+from sim.plant.build import compiled_model
 from sim.plant.instruments import InstrumentedPlant
 from sim.plant.sensors import Sensors
 from sim.plant.terrain import Terrain
@@ -55,12 +57,13 @@ Announce = Callable[[str], None]
 """Takes one line for the user."""
 
 
-def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> Walker:
+def build_plant(scenario: Scenario, files: ModelFiles | None = None, *, pictures: bool = False) -> Walker:
     """The plant a scenario asks for, not yet reset.
 
     Args:
         scenario: What happens.
         files: Model files to use instead of those the scenario names.
+        pictures: Whether its model has its textures, for a viewer.
 
     Raises:
         UserError: a model file or a setting is not legal.
@@ -72,8 +75,25 @@ def build_plant(scenario: Scenario, files: ModelFiles | None = None) -> Walker:
         files.mjcf,
         scenario.controller.period,
         seed=scenario.seed,
-        walk_length=RUN_UP + LONGEST_STEP * scenario.steps,
+        walk_length=_walk_length(scenario),
+        pictures=pictures,
     )
+
+
+def plant_model(scenario: Scenario) -> mujoco.MjModel:
+    """MuJoCo's model of the plant that a scenario asks for, modelling errors applied, without textures.
+
+    Raises:
+        UserError: a model file or a setting is not legal.
+    """
+    files, length = ModelFiles.of(scenario), _walk_length(scenario)
+    terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=length)
+    return compiled_model(scenario.plant, files.mjcf, terrain, seed=scenario.seed, length=length)[1]
+
+
+def _walk_length(scenario: Scenario) -> float:
+    """How far rough ground has to reach in [m]."""
+    return RUN_UP + LONGEST_STEP * scenario.steps
 
 
 def instrument(plant: Plant, scenario: Scenario) -> Plant:
@@ -195,7 +215,7 @@ def run_scenario(
         prepare(scenario, stop=stop, announce=announce)
     belief = belief or load_belief(scenario, files)
     controller = build_controller(scenario.controller, belief, solver=solver)
-    plant = build_plant(scenario, files)
+    plant = build_plant(scenario, files, pictures=view)
     course = _course(scenario, belief, plant)
     plant.reset(course.q, course.dq, course.stance)
     warm_up(controller, plant.observe())
@@ -248,7 +268,7 @@ def _header(scenario: Scenario, belief: Belief, plant: Walker, files: ModelFiles
         for leg, both in zip(LEGS, plant.legs.lengths, strict=True)
         for part, length in zip(("femur", "tibia"), both, strict=True)
     }
-    walk_length = RUN_UP + LONGEST_STEP * scenario.steps
+    walk_length = _walk_length(scenario)
     terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=walk_length)
     git = provenance.git_state()
     fits, kind = scenario.controller.gait_fitting.enabled, scenario.controller.kind

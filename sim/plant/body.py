@@ -75,6 +75,7 @@ class Body(ABC):
         *,
         seed: int = 0,
         walk_length: float = 20.0,
+        pictures: bool = False,
     ) -> None:
         """Read, modify and compile the model.
 
@@ -84,6 +85,7 @@ class Body(ABC):
             control_period: Duration of one hold in [s].
             seed: The scenario's seed, for rough ground.
             walk_length: How far rough ground has to reach in [m].
+            pictures: Whether the model has its textures, for a viewer.
 
         Raises:
             UserError: the file is missing or unreadable, or a setting is not legal.
@@ -93,7 +95,9 @@ class Body(ABC):
         self.substeps = whole_substeps(settings.timestep, control_period)
         self.sources = (Path(model_path),)
         self.terrain = Terrain(settings.ground, seed=seed, length=walk_length)
-        self._spec, self.model = compiled_model(settings, Path(model_path), self.terrain, seed=seed, length=walk_length)
+        self._spec, self.model = compiled_model(
+            settings, Path(model_path), self.terrain, seed=seed, length=walk_length, pictures=pictures
+        )
         model = self.model
         self.legs = LegGeometry.of(model)
         self._body_ids = [model.body(name).id for name in LINKS]

@@ -135,7 +135,7 @@ def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
 
 
 def compiled_model(
-    settings: PlantSettings, model_path: Path, terrain: Terrain, *, seed: int, length: float
+    settings: PlantSettings, model_path: Path, terrain: Terrain, *, seed: int, length: float, pictures: bool = False
 ) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     """Spec and model of `build_spec` and `compile_spec`; the model is a copy of its own, the spec is shared.
 
@@ -147,6 +147,7 @@ def compiled_model(
         terrain: Shape of the ground, of these settings.
         seed: That the terrain was laid out with.
         length: The same, in [m].
+        pictures: Whether to keep textures, which take ten times as long to compile as all else.
 
     Raises:
         UserError: the file or a setting is not legal.
@@ -156,14 +157,24 @@ def compiled_model(
     except OSError:
         spec = build_spec(settings, model_path, terrain)  # which says what is wrong
         return spec, compile_spec(spec, model_path)
-    key = (settings, model_path.absolute(), about.st_mtime_ns, about.st_size, seed, length)
+    key = (settings, model_path.absolute(), about.st_mtime_ns, about.st_size, seed, length, pictures)
     if key not in _RECENT:
         spec = build_spec(settings, model_path, terrain)
+        if not pictures:
+            _drop_pictures(spec)
         _RECENT[key] = spec, compile_spec(spec, model_path)
         while len(_RECENT) > MOST_RECENT:
             del _RECENT[next(iter(_RECENT))]
     spec, model = _RECENT[key]
     return spec, copy.copy(model)
+
+
+def _drop_pictures(spec: mujoco.MjSpec) -> None:
+    """Leave textures out: physics sees none of them."""
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in list(spec.textures):
+        spec.delete(texture)
 
 
 MOST_RECENT = 4

@@ -143,7 +143,7 @@ def camera(log: Log, size: tuple[int, int], poses: int = 1) -> Iterator[Camera]:
         raise UserError(f"{GL_HELP} ({type(error).__name__}: {error})") from error
     scenario = scenario_of(log)
     with unpacked(scenario, log.attachments) as files:
-        model = build_plant(scenario, files).model
+        model = build_plant(scenario, files, pictures=True).model
     made = Camera(mujoco, model, log, size, poses)
     try:
         yield made

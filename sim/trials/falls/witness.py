@@ -95,13 +95,14 @@ class Witness(NoTape):
         if self._due == math.inf and len(foreseen := np.flatnonzero((ahead >= 0.0) & (ahead <= FORESEEN))):
             self._due = due[foreseen[0] :] = t[foreseen[0]] + ahead[foreseen[0]]
         touches = (state["contact"] != 0) | (state["clearance"] < -SUNK)  # rigid ground feels its stance foot alone
-        self._ring[(self._ticks + np.arange(n)) % len(self._ring)] = np.column_stack(
-            (
-                t, np.full(n, self._stance), np.full(n, self._landed), due, step["s"], step["dtheta"],
-                step["fallback"], touches, state["foot"][:, self._stance, 0], state["torque"], step["y"],
-                step["u_total"], state["dq"], ticks.seen["q"] - state["q"], np.full(n, self._landed_s),
-            )
-        )  # fmt: skip
+        rows = np.empty((n, WIDTH))  # columns as `_Ticks` takes them
+        rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3] = t, self._stance, self._landed, due
+        rows[:, 4], rows[:, 5], rows[:, 6] = step["s"], step["dtheta"], step["fallback"]
+        rows[:, 7:9], rows[:, 9] = touches, state["foot"][:, self._stance, 0]
+        rows[:, 10:14], rows[:, 14:18], rows[:, 18:22] = state["torque"], step["y"], step["u_total"]
+        rows[:, 22:27], rows[:, 27:32] = state["dq"], ticks.seen["q"] - state["q"]
+        rows[:, 32] = self._landed_s
+        self._ring[(self._ticks + np.arange(n)) % len(self._ring)] = rows
         self._ticks += n
         self._t, self._s = float(t[-1]), float(step["s"][-1])
         self._steps.take(state)

@@ -161,9 +161,9 @@ def run_trial(spec: TrialSpec) -> TrialResult:
 
 def fading(witness: Witness, scenario: Scenario) -> bool:
     """Whether the walk of a scenario loses energy step by step, by its plant's own model."""
-    from sim.bridge.run import build_plant
+    from sim.bridge.run import plant_model
 
-    return witness.fading(Energy(build_plant(scenario).model))
+    return witness.fading(Energy(plant_model(scenario)))
 
 
 def result_without_run(spec: TrialSpec, outcome: str, message: str) -> TrialResult:
