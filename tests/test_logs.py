@@ -213,6 +213,16 @@ def test_an_attachment_nested_deeper_than_python_is_no_gait_and_no_scenario(path
         assert code == 2 and "Traceback" not in err and "nested too deeply" in err.splitlines()[-1]
 
 
+@pytest.mark.parametrize("steps", ["nonsense", "[1]", "null", "1e400", "-3", "2.5"])
+def test_a_result_that_counts_no_steps_is_still_told(path, tmp_path, capsys, steps):
+    parts = Parts.of(path.read_bytes())
+    parts.said("result").update(outcome='"fell"', steps=steps)
+    (tmp_path / "odd.mcap").write_bytes(parts.write())
+    code, out, err = cmpc(capsys, "log", "info", tmp_path / "odd.mcap")
+    assert code == 0 and "fell" in out and not err
+    assert cmpc(capsys, "log", "check", tmp_path / "odd.mcap")[0] == 1
+
+
 def test_a_truncated_log_is_never_identical_to_itself(path, tmp_path, capsys):
     (tmp_path / "cut.mcap").write_bytes(path.read_bytes()[:-20])
     code, out, err = cmpc(capsys, "log", "compare", tmp_path / "cut.mcap", tmp_path / "cut.mcap")

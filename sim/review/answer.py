@@ -1,5 +1,8 @@
 """The answer first: how a run ended, why and when, in one sentence."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from sim.errors import UserError
@@ -27,10 +30,8 @@ def answer(run: Run, signals: Signals | None = None) -> tuple[str, float | None]
     outcome = str(result.get("outcome", ""))
     if outcome == Outcome.FELL.value:
         found = recorded_verdict(run)
-        words = f"fell in step {int(result.get('steps') or 0) + 1}: {result.get('fall_reason', '')}"
-        if found is None:
-            return printable(words), None
-        return printable(f"fell in step {int(result.get('steps') or 0) + 1}: {sentence(*found)}"), found[1].began_s
+        why, began = (result.get("fall_reason", ""), None) if found is None else (sentence(*found), found[1].began_s)
+        return printable(f"fell{_in_step(result)}: {why}"), began
     if outcome == Outcome.COMPLETED.value:
         try:
             near = _nearest(run, signals or signals_of(run))
@@ -39,6 +40,12 @@ def answer(run: Run, signals: Signals | None = None) -> tuple[str, float | None]
         words = f"walked all {result.get('steps')} steps" + (f"; nearest to its limits: {near}" if near else "")
         return printable(words), None
     return printable(" ".join(filter(None, (outcome or "not finished", str(result.get("message", "")))))), None
+
+
+def _in_step(result: Mapping[str, Any]) -> str:
+    """Which step was not made, "" where a log that was tampered with does not say."""
+    made = str(result.get("steps") or 0)
+    return f" in step {int(made) + 1}" if made.isascii() and made.isdecimal() and len(made) < 9 else ""
 
 
 def _nearest(run: Run, signals: Signals) -> str:
