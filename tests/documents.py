@@ -27,7 +27,9 @@ NO_OPENGL = "cmpc: error: MuJoCo cannot draw here"  # on a machine without EGL, 
 CHEAP = (
     (r"^cmpc trials (numerics|certify) .*", PARSED),
     (r"^cmpc run tuned.toml", r"cmpc run gains.toml --steps 3"),
-    (r"^cmpc run --from-trial \S+/ID.*", PARSED),
+    (r"^(cmpc run --from-trial \S+#)\S+", r"\1zd-pd/0"),
+    (r"^(cmpc trials show \S+ --trial) \S+", r"\1 zd-pd/0"),
+    (r"^cmpc gait import .*", PARSED),
     (r"^cmpc trials bench", r"cmpc trials bench --trials 4"),
     (r"^cmpc trials \w+ (.*--out \S+).*", r"cmpc trials tiny.toml \1"),
     (r"^cmpc reproduce all( --quick)?$", r"cmpc reproduce fig3 --quick"),
@@ -44,12 +46,12 @@ CHEAP = (
 TINY = """
 controllers = ["zd-pd"]
 [scenario]
-steps = 1
+steps = 3
 [[grid]]
 [[grid.axes]]
 paths = ["pushes.0.force"]
 also = ["pushes.0.step = 1"]
-values = [5.0, 10.0]
+values = [5.0, 60.0]
 """
 
 
@@ -130,7 +132,8 @@ class Bench:
         for name, controller in (("RUN.mcap", "c-mpc"), ("A.mcap", "c-mpc"), ("B.mcap", "zd-pd")):
             self.run(self.stock, f"cmpc run push-25N --steps 2 --controller {controller} --quiet --log {name}")
         (self.stock / "tiny.toml").write_text(TINY)
-        for name in ("my-biped.urdf", "mine.urdf"):
+        self.run(self.stock, "cmpc trials tiny.toml --out results --quiet")
+        for name in ("my-biped.urdf", "mine.urdf", "robot.urdf"):
             shutil.copy(ROOT / "models" / "rabbit" / "rabbit.urdf", self.stock / name)
 
     def run(self, folder: Path, line: str) -> str:
