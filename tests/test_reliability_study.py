@@ -251,6 +251,11 @@ def test_both_checks_run_what_is_missing_and_print_a_line_each(tmp_path, monkeyp
     assert "falls among 30 draws" in said and (tmp_path / "seed-0" / "crude-30-c-mpc" / "results.sqlite").is_file()
     with pytest.raises(UserError, match=r"has no \[\[reliability"):
         nearest.repeat(load_plan("montecarlo"), tmp_path, found)
+    (tmp_path / "other").mkdir()
+    with Store(tmp_path / "other" / "results.sqlite", write=True) as store:
+        store.set_plan(load_plan("montecarlo"))
+    with pytest.raises(UserError, match="holds results of a plan that differs"):
+        nearest.check_crude(plan, tmp_path / "other", found)
 
 
 def test_pairs_of_axes_can_be_added_to_a_study_that_is_over(tmp_path, monkeypatch):
@@ -271,6 +276,11 @@ def test_pairs_of_axes_can_be_added_to_a_study_that_is_over(tmp_path, monkeypatc
     away = 2.0 * np.pi * 15 / 16  # between the two axes, where pushes and little damping add up
     assert plane[0] == pytest.approx(1.5 / 0.8, rel=0.02)
     assert plane[15] == pytest.approx(1.5 / (0.8 * np.cos(away) - 0.6 * np.sin(away)), rel=0.02)
+    assert nearest.with_pairs(plan, "bias, push; bias, push", tmp_path / "no").reliability[0].pairs[1:] == (
+        "bias, push",
+    )
+    with pytest.raises(UserError, match="--pairs ' ; ': names no pair"):
+        nearest.with_pairs(plan, " ; ", tmp_path)
     other = dataclasses.replace(more, reliability=(dataclasses.replace(more.reliability[0], pairs=()),), seed=3)
     with pytest.raises(UserError, match="seed"):
         run_plan(other, tmp_path)

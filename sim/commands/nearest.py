@@ -12,7 +12,7 @@ from sim.settings import flags
 from sim.terminal.console import note
 
 if TYPE_CHECKING:
-    from sim.trials.plan import Plan, ReliabilityStudy
+    from sim.trials.plan import Plan
     from sim.trials.report.reliability_findings import ReliabilityFindings
 
 
@@ -35,7 +35,7 @@ def with_pairs(plan: "Plan", text: str, out: Path) -> "Plan":
         out: Folder of its results; pairs that its study has there stay.
 
     Raises:
-        UserError: the plan has no study of the nearest fall, or no such axes.
+        UserError: the plan has no study of the nearest fall, or no such axes; the text names none.
     """
     from sim.trials.run.folder import FILE
     from sim.trials.run.recall import open_results
@@ -46,8 +46,11 @@ def with_pairs(plan: "Plan", text: str, out: Path) -> "Plan":
         there, store = open_results(out)
         store.close()
         pairs = [pair for other in there.reliability if other.name == study.name for pair in other.pairs] or pairs
-    pairs += [pair.strip() for pair in text.split(";") if pair.strip() and pair.strip() not in pairs]
-    return replace(plan, reliability=(replace(study, pairs=tuple(pairs)), *plan.reliability[1:]))
+    asked = [pair.strip() for pair in text.split(";") if pair.strip()]
+    if not asked:
+        raise UserError(f'--pairs {text!r}: names no pair; must be "axis, axis", with semicolons between several')
+    every = tuple(dict.fromkeys([*pairs, *asked]))
+    return replace(plan, reliability=(replace(study, pairs=every), *plan.reliability[1:]))
 
 
 def repeat(plan: "Plan", out: Path, found: Namespace) -> int:
@@ -67,7 +70,7 @@ def repeat(plan: "Plan", out: Path, found: Namespace) -> int:
         code = run_campaign(replace(plan, seed=seed), folder, found)
         if code:
             return code
-        each.append(_findings(folder)[1])
+        each.append(_findings(folder))
     for one in repeats(seeds, each):
         print("\n".join(one.lines))
     return 0
@@ -95,7 +98,7 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
         code = run_campaign(plan, out, found)
         if code:
             return code
-    theirs = _findings(out)[1]
+    theirs = _findings(out)
     study = plan.reliability[0]
     crude = replace(
         study, name=f"{study.name} crude", draws=found.check_crude, rays=0, scales=(), modes=0, pairs=(),
@@ -127,22 +130,26 @@ def _is_there(plan: "Plan", out: Path) -> bool:
     """Whether a folder holds the whole study for all controllers of a plan."""
     from sim.trials.plan.plan import differences
     from sim.trials.run.folder import FILE
+    from sim.trials.run.recall import open_results
 
     if not (out / FILE).is_file():
         return False
-    there, found = _findings(out)
-    theirs = _only(there)
+    there, store = open_results(out)
+    store.close()
+    if not there.reliability:
+        return False
+    theirs, found = _only(there), _findings(out)
     mine = replace(plan.reliability[0], pairs=theirs.reliability[0].pairs)
     same = not differences(theirs, replace(plan, controllers=there.controllers, reliability=(mine,)))
     return same and {one.controller for one in found.each} >= {*plan.controllers}
 
 
-def _findings(folder: Path) -> tuple["Plan", "ReliabilityFindings"]:
+def _findings(folder: Path) -> "ReliabilityFindings":
+    """What the first study of the nearest fall of the results in a folder found."""
     from sim.trials.report.reliability_findings import reliability_findings
     from sim.trials.run import Results
     from sim.trials.run.recall import open_results
 
     plan, store = open_results(folder)
     with store:
-        study: ReliabilityStudy = plan.reliability[0]
-        return plan, reliability_findings(Results(plan=plan, store=store), study)
+        return reliability_findings(Results(plan=plan, store=store), plan.reliability[0])
