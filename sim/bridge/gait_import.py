@@ -50,8 +50,9 @@ def import_gait(
     maps = _maps(folder)
     columns = _columns(file, _joints(folder, maps), stance, number)
     step = imported.step_of(columns, maps, stance, degrees=degrees, where=where)
-    which = "" if number is None else f" --number {number}"
-    remark = f"Made by: cmpc gait import {file.name}{which} --walker {folder.name} --degree {degree}"
+    how = "" if number is None else f" --number {number}"
+    how += f" --walker {folder.name} --stance {stance}{' --degrees' if degrees else ''} --degree {degree}"
+    remark = f"Made by: cmpc gait import {file.name}{how}"
     check_new_file(out, remark, force=force)
     fitted, residual = imported.fit(model, step, degree, out.stem, f"imported from {file.name}", where)
     try:
