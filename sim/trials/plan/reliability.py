@@ -20,6 +20,9 @@ ROOM = 200_000
 
 FEWEST = 10  # draws
 
+Method = Literal["importance", "subset", "directional", "crude"]
+"""How a probability is found."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReliabilityStudy:
@@ -49,7 +52,7 @@ class ReliabilityStudy:
     modes: Annotated[int, Unit("points"), NOT_NEGATIVE] = 3
     search: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 2000
     look: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 60
-    probability: Literal["importance", "subset", "directional", "crude"] = "importance"
+    probability: Method = "importance"
     variation: Annotated[float, POSITIVE] = 0.2
     most: Annotated[int, Unit("trials"), AT_LEAST_ONE] = 1000
     pairs: tuple[str, ...] = ()

@@ -27,9 +27,7 @@ NEARER = 0.99  # of the radius at which a new direction must fall to be taken
 LOOKS = 5  # times the sphere inside is looked at, and searched from where it falls
 WITHIN = 0.98  # of the distance of the nearest fall: the sphere that is looked at
 EXPLAINED = 0.85  # of a mode's distance along its direction, from where on a fall counts as its own
-SHORT = (
-    0.02  # of the distance, by which a nearest fall that was found has been seen to be too far (docs/reliability.md)
-)
+SHORT = 0.02  # of the distance, by which a nearest fall found has been seen to be too far (docs/reliability.md)
 BEYOND = 1.0  # beyond it, where other modes that matter must show: one further out has an eighth of the probability
 
 

@@ -9,26 +9,21 @@ too: the estimate is unbiased whatever the modes are. Its interval cannot know o
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.trials.plan.reliability import Method
 from sim.trials.reliability.asking import Array, Search, ask
 from sim.trials.reliability.draws import FURTHEST, Draws, normal_draws
 from sim.trials.reliability.nearest import Mode
-
-Method = Literal["crude", "importance", "subset", "directional"]
-"""How a probability is found; what plans call it."""
 
 OWN = 0.15  # share of the plan's own density in the mixture
 LEAST = 0.1  # of the nearest mode's part, for one further out, which may be a wide one
 PILOT = 60  # draws from which the number of draws follows; they count for nothing else, so nothing is biased
 MARGIN = 1.3  # more draws than the pilot says, since a pilot is a guess
 LEVEL = 0.95  # of every interval
-MADE = (
-    0.975  # level at which one of weighted draws is made, since its theory takes many falls of even weight for granted
-)
+MADE = 0.975  # level for which one of weighted draws is made: its theory takes many falls of even weight for granted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
