@@ -24,7 +24,7 @@ from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import differences, from_toml, shipped_names, to_toml
 from sim.trials.report import report
 from sim.trials.report.findings import random_findings, sides
-from sim.trials.run import Results, TrialResult, TrialSpec, run_plan, run_trial
+from sim.trials.run import Results, TrialResult, TrialSpec, run_plan, run_trial, workers
 from sim.trials.run.folder import FILE
 from sim.trials.run.recall import open_results, stored_scenario
 from sim.trials.run.result import result_without_times
@@ -445,6 +445,19 @@ def test_the_first_interrupt_ends_a_campaign(tmp_path: Path) -> None:
         process.send_signal(signum)
         _, err = process.communicate(timeout=60)
         assert process.returncode == code and len(spoken(err)) == 1 and signum.name in err, err
+
+
+def test_a_scheduler_that_ends_before_the_first_trial_is_gone(plan: Plan) -> None:
+    class Gone:
+        def run(self, function):
+            return {"tcp://one": function()}
+
+        def nthreads(self):
+            raise ConnectionRefusedError(111, "Connection refused")
+
+    execute = workers.cluster(workers.Campaign.of(plan, None), Gone())
+    with pytest.raises(UserError, match="the scheduler is gone"):
+        next(execute(iter([]), lambda: False))
 
 
 DAMAGE = {

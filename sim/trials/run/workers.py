@@ -38,6 +38,7 @@ GRACE = 1.0  # [s] a trial has beyond its wall limit to give itself up between t
 IN_FLIGHT = 3  # trials a worker thread of a cluster has at hand
 RESTARTS = 5  # workers a trial may lose on a cluster before it counts as an error
 SLICE = 0.2  # [s] between looks at a cluster's scheduler
+GONE = "--cluster: the scheduler is gone; results so far are kept: the same command goes on"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,7 +182,10 @@ def cluster(campaign: Campaign, client: Any) -> Execute:
             running[future.key] = (future, trial)
             future.add_done_callback(ready.put)
 
-        threads = sum(client.nthreads().values())
+        try:
+            threads = sum(client.nthreads().values())
+        except OSError as error:
+            raise UserError(GONE) from error
         for trial in itertools.islice(waiting, IN_FLIGHT * max(1, threads)):
             submit(trial)
         seen = time.monotonic()
@@ -272,7 +276,7 @@ def _still_there(client: Any, seen: float) -> float:
     if client.status == "running" and not (comm is None or comm.comm.closed()):
         return now
     if client.status == "closed" or now - seen > CONNECT_TIMEOUT:
-        raise UserError("--cluster: the scheduler is gone; results so far are kept: the same command goes on")
+        raise UserError(GONE)
     time.sleep(SLICE)
     return seen
 
