@@ -13,7 +13,8 @@ from sim.interface import JOINTS, Observation
 from sim.scenario import Scenario, load, with_values
 from sim.settings.tree import spec_at
 from sim.trials.falls.cause import PROOFS, Cause, decisive
-from sim.trials.falls.witness import SHARES, Witness
+from sim.trials.falls.verdict import SHARES
+from sim.trials.falls.witness import Witness
 from sim.trials.run.trial import fading
 
 DT = 1e-3  # [s]

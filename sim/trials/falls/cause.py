@@ -35,7 +35,7 @@ class Cause(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Figures of the time around the beginning of a fall, `sim.trials.falls.witness.WINDOW` to either side.
+    """Figures of the time around the beginning of a fall, `sim.trials.falls.verdict.WINDOW` to either side.
 
     Attributes:
         began_s: When the fall began, in simulated time, in [s].

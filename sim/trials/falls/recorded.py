@@ -9,7 +9,8 @@ from sim.log.format.fields import LEGS, OUTPUTS
 from sim.log.read.frames import Run
 from sim.loop import Outcome
 from sim.trials.falls.cause import Cause, Evidence
-from sim.trials.falls.witness import FORESEEN, KEPT, SUNK, verdict
+from sim.trials.falls.verdict import SUNK, verdict
+from sim.trials.falls.witness import FORESEEN, KEPT
 
 STATE, CONTROL = "/plant/state", "/control"
 

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from sim.pages.palette import CAUSES
-from sim.trials.falls import witness as w
+from sim.trials.falls import verdict as v
+from sim.trials.falls.witness import FORESEEN, KEPT
 from sim.trials.plan import MarginStudy
 from sim.trials.plan.axis import label
 from sim.trials.report import plots
@@ -14,34 +15,34 @@ from sim.trials.report.summary import DIRECTIONS
 from sim.trials.run import Results, TrialResult
 
 SYMPTOMS = {
-    "start": f"a foot begins deeper than {1e3 * w.SUNK:g} mm in the ground, and the fall begins within {w.AT_ONCE:g} s "
-    f"and is over within {w.SOON:g} s",
-    "actuator": f"a joint gets less than {w.WEAK:.0%} of the torque asked of it that the plant would let through",
-    "delay": f"what is measured and what is applied lag by more than {1e3 * w.BEHIND:g} ms together",
-    "sensor": f"a measured angle is off by more than {w.OFF:g} rad on the mean",
+    "start": f"a foot begins deeper than {1e3 * v.SUNK:g} mm in the ground, and the fall begins within {v.AT_ONCE:g} s "
+    f"and is over within {v.SOON:g} s",
+    "actuator": f"a joint gets less than {v.WEAK:.0%} of the torque asked of it that the plant would let through",
+    "delay": f"what is measured and what is applied lag by more than {1e3 * v.BEHIND:g} ms together",
+    "sensor": f"a measured angle is off by more than {v.OFF:g} rad on the mean",
     "clearance": "the swing foot touches the ground where no step is",
-    "friction": f"the stance foot slides faster than {w.SLIDING:g} m/s",
+    "friction": f"the stance foot slides faster than {v.SLIDING:g} m/s",
     "contact": "both feet are in the air",
-    "energy": f"the clock is slower than {w.STANDING:g} rad/s, where the gait's is 0.9 and above",
-    "prediction": f"a landing is {1e3 * w.OVERDUE:g} ms later than the controller foresaw "
-    f"{1e3 * w.FORESEEN:g} ms before it",
-    "landing": f"the clock is beyond {w.OVERRUN:g} of its range and no foot has landed, or a foot lands "
-    f"below {w.EARLY:g}",
-    "torque": f"a joint applies {w.AT_LIMIT:.1%} of its limit or more",
+    "energy": f"the clock is slower than {v.STANDING:g} rad/s, where the gait's is 0.9 and above",
+    "prediction": f"a landing is {1e3 * v.OVERDUE:g} ms later than the controller foresaw "
+    f"{1e3 * FORESEEN:g} ms before it",
+    "landing": f"the clock is beyond {v.OVERRUN:g} of its range and no foot has landed, or a foot lands "
+    f"below {v.EARLY:g}",
+    "torque": f"a joint applies {v.AT_LIMIT:.1%} of its limit or more",
     "solver": "the controller falls back",
-    "tracking": f"an output is beyond {w.OFF_TRACK:g} rad with torque to spare",
+    "tracking": f"an output is beyond {v.OFF_TRACK:g} rad with torque to spare",
     "unclear": "none of these lasts until the fall",
 }
 
 
 RULE = (
     "Once a walker falls, everything goes wrong at once. So the ticks that show a symptom are followed back from the "
-    f"fall to the last {w.GAP:g} s without any: there the fall began, and the first symptom is named."
+    f"fall to the last {v.GAP:g} s without any: there the fall began, and the first symptom is named."
 )
 SHARE = (
-    f"Each must hold for its share of the {w.WINDOW:g} s before. Those that begin within {w.TOGETHER:g} s of the first "
+    f"Each must hold for its share of the {v.WINDOW:g} s before. Those that begin within {v.TOGETHER:g} s of the first "
     "are one event, named in this order. Actuators, delays and sensors are judged before all symptoms, over the last "
-    f"{w.KEPT:g} s: what was applied against what was asked, what was seen against what was. The figures are those "
+    f"{KEPT:g} s: what was applied against what was asked, what was seen against what was. The figures are those "
     "around the beginning of the fall. Undisturbed walks show none."
 )
 
