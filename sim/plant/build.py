@@ -1,8 +1,7 @@
-"""From the plant's settings to MuJoCo's model: reads the MJCF and applies every modelling error to it."""
+"""From the plant's settings to MuJoCo's model: every setting and modelling error applied to the MJCF."""
 
 import copy
 import math
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,10 @@ import numpy as np
 
 from sim.errors import UserError
 from sim.interface import FEET, JOINTS, LEGS, LINKS
+from sim.plant.mjcf import BASE, compile_spec, read_spec
 from sim.plant.terrain import Terrain
 from sim.scenario import PlantSettings
 from sim.scenario.plant import ContactSettings
-
-BASE = ("hip_x", "hip_z", "torso")
-"""Joints of the planar base."""
-
-_SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
-
-_CONTACT = mujoco.mjtSensor.mjSENS_CONTACT
 
 INTEGRATORS = {
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
@@ -76,64 +69,6 @@ def build_spec(settings: PlantSettings, model_path: Path, terrain: Terrain | Non
     return spec
 
 
-def _unsaid(message: str) -> None:
-    """MuJoCo's warnings while it reads: what matters of them is an error, and said as one."""
-
-
-def read_spec(model_path: Path) -> mujoco.MjSpec:
-    """An MJCF as it is.
-
-    Raises:
-        UserError: missing, not an MJCF, or a link has no mass of its own.
-    """
-    if not model_path.is_file():
-        raise UserError(f"model file {model_path}: does not exist")
-    mujoco.set_mju_user_warning(_unsaid)
-    try:
-        spec = mujoco.MjSpec.from_file(str(model_path))
-    except ValueError as error:
-        raise UserError(f"model file {model_path}: {_in_one_line(error)}") from error
-    for name in LINKS:
-        body = spec.body(name)
-        if body is not None and not (body.explicitinertial and body.mass > 0.0):
-            raise UserError(
-                f"model file {model_path}: body {name} has no mass; must have an <inertial> with a mass above 0"
-            )
-    return spec
-
-
-def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
-    """MuJoCo's model of a walker, its parts where they belong.
-
-    Raises:
-        UserError: MuJoCo cannot compile it, or a part is missing or not what its name says.
-    """
-    try:
-        with warnings.catch_warnings(action="ignore"):  # what it warns of is in the runs, or refused below
-            model = spec.compile()
-    except ValueError as error:
-        raise UserError(f"model file {model_path}: {_in_one_line(error)}") from error
-    slides, hinges = BASE[:2], (BASE[2], *JOINTS)
-    for kind, names, words in ((_SLIDE, slides, "a slide"), (_HINGE, hinges, "a hinge")):
-        for name in names:
-            if model.joint(name).type[0] != kind:
-                raise UserError(f"model file {model_path}: joint {name} is none; must be {words}")
-    if model.nv != len(BASE) + len(JOINTS):
-        legal = ", ".join((*BASE, *JOINTS))
-        raise UserError(f"model file {model_path}: {model.nv} degrees of freedom; must be the joints {legal}")
-    for name in JOINTS:
-        if model.actuator(name).trnid[0] != model.joint(name).id:
-            raise UserError(
-                f"model file {model_path}: actuator {name} does not drive joint {name}; must be a motor on it"
-            )
-    for name, size in (*((foot, 13) for foot in FEET), ("torso", 1), ("left_femur", 1), ("right_femur", 1)):
-        sensor = next((i for i in range(model.nsensor) if model.sensor(i).name == name), None)
-        if sensor is None or model.sensor_type[sensor] != _CONTACT or model.sensor_dim[sensor] < size:
-            legal = "found force pos normal tangent" if size > 1 else "found"
-            raise UserError(f'model file {model_path}: no contact sensor "{name}" of these data; must have {legal}')
-    return model
-
-
 def compiled_model(
     settings: PlantSettings, model_path: Path, terrain: Terrain, *, seed: int, length: float, pictures: bool = False
 ) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
@@ -179,12 +114,6 @@ def _drop_pictures(spec: mujoco.MjSpec) -> None:
 
 MOST_RECENT = 4
 _RECENT: dict[Any, tuple[mujoco.MjSpec, mujoco.MjModel]] = {}
-
-
-def _in_one_line(error: Exception) -> str:
-    """What MuJoCo complains about."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return "; ".join(lines[:2]) if lines else "unreadable"
 
 
 def _set_numerics(contact: ContactSettings, spec: mujoco.MjSpec, part: Part) -> None:

@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from sim.interface import COORDINATES, JOINTS, LINKS, Vector
-from sim.plant.build import build_spec, compile_spec, read_spec
+from sim.plant.build import build_spec
+from sim.plant.mjcf import compile_spec, read_spec
 from sim.scenario import PlantSettings
 
 
