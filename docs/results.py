@@ -126,9 +126,10 @@ def _reached(folder: Path) -> Iterator[str]:
 
     plan, store = open_results(folder)
     limits, tried = shipped_limits("rabbit"), collections.defaultdict(list)
-    for row in Results(plan=plan, store=store):
-        if row.known:
-            tried[row.controller, row.study, next(iter(json.loads(row.values).values()))].append(row)
+    with store:
+        for row in Results(plan=plan, store=store):
+            if row.known:
+                tried[row.controller, row.study, next(iter(json.loads(row.values).values()))].append(row)
     for start, study in plan.offsets():
         first = study.axes[0]
         for kind in plan.controllers:

@@ -30,6 +30,7 @@ CHEAP = (
     (r"^(cmpc run --from-trial \S+#)\S+", r"\1zd-pd/0"),
     (r"^(cmpc trials show \S+ --trial) \S+", r"\1 zd-pd/0"),
     (r"^cmpc gait import .*", PARSED),
+    (r"^cmpc trials machine.toml .*", PARSED),
     (r"^cmpc trials bench", r"cmpc trials bench --trials 4"),
     (r"^cmpc trials \w+ (.*--out \S+).*", r"cmpc trials tiny.toml \1"),
     (r"^cmpc reproduce all( --quick)?$", r"cmpc reproduce fig3 --quick"),

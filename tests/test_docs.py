@@ -10,7 +10,8 @@ from conftest import ROOT
 
 from sim.cli import COMMANDS
 from sim.commands.new import CONTROLLER
-from sim.scenario import settings_table
+from sim.scenario import from_toml, settings_table
+from sim.trials.plan.plan import from_toml as plan_of
 
 TEXT = (ROOT / "docs" / "architecture.md").read_text()
 PATH = re.compile(r"`((?:controller|sim|docs|tests|models)/[\w./]+)`")
@@ -90,6 +91,13 @@ def test_every_command_of_a_page_is_one_the_program_takes(page, tmp_path, monkey
             assert command.split()[1] in targets, (line, command)
         else:
             documents.parse(command)
+
+
+def test_each_file_of_the_page_of_scenarios_is_one_the_program_takes():
+    files = [s.text for s in documents.snippets(ROOT / "docs" / "scenarios.md") if s.language == "toml"]
+    plans = [text for text in files if re.search(r"^\[\[(grid|reliability)\]\]", text, re.M)]
+    assert [from_toml(text).steps for text in files if text not in plans] == [12]
+    assert [len(plan_of(text).studies) for text in plans] == [1, 1]
 
 
 def test_each_message_of_the_page_of_errors_is_the_programs_own():
