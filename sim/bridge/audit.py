@@ -286,7 +286,7 @@ def rows(found: Findings, slip: float | None) -> list[tuple[str, str]]:
         ("work of the motors", f"{e.motors:.3f} J ({e.motors_moved:.3f} J without signs)"),
         ("work of the damping", f"{e.damping:.3f} J"),
         ("work of the pushes", f"{e.pushes:.3f} J"),
-        ("work of the ground", f"{e.contact:.3f} J"),
+        ("work of the ground, and of dry friction", f"{e.contact:.3f} J"),
         ("change of energy", f"{e.change:.3f} J"),
         ("does not add up", f"{e.residual:+.4f} J, {100.0 * share:.4f} % of the motors' work"),
         ("penetration", f"{1e3 * found.penetration:.3f} mm, in impacts {1e3 * found.penetration_impact:.3f} mm"),
