@@ -251,6 +251,8 @@ def test_both_checks_run_what_is_missing_and_print_a_line_each(tmp_path, monkeyp
     assert "falls among 30 draws" in said and (tmp_path / "seed-0" / "crude-30-c-mpc" / "results.sqlite").is_file()
     with pytest.raises(UserError, match=r"has no \[\[reliability"):
         nearest.repeat(load_plan("montecarlo"), tmp_path, found)
+    with pytest.raises(UserError, match=r"--check-crude 20001: .*must be 10 to 20000"):
+        nearest.check_crude(plan, tmp_path / "never", Namespace(check_crude=20001))
     (tmp_path / "other").mkdir()
     with Store(tmp_path / "other" / "results.sqlite", write=True) as store:
         store.set_plan(load_plan("montecarlo"))

@@ -94,17 +94,12 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
     from sim.trials.run.recall import open_results
 
     plan = _only(plan)
+    plain = _plain(plan, found.check_crude)
     if not _is_there(plan, out):
         code = run_campaign(plan, out, found)
         if code:
             return code
     theirs = _findings(out)
-    study = plan.reliability[0]
-    crude = replace(
-        study, name=f"{study.name} crude", draws=found.check_crude, rays=0, scales=(), modes=0, pairs=(),
-        probability="importance",
-    )  # fmt: skip
-    plain = replace(plan, name=f"{plan.name}, plain draws", reliability=(crude,))
     which = "-" + "-".join(plan.controllers) if found.controllers is not None else ""
     folder = out / re.sub(r"[^\w.-]", "_", f"crude-{found.check_crude}{which}")
     code = run_campaign(plain, folder, found)
@@ -116,6 +111,22 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
     for one in checks:
         print("\n".join(one.lines))
     return 0
+
+
+def _plain(plan: "Plan", draws: int) -> "Plan":
+    """A plan's study as plain draws alone.
+
+    Raises:
+        UserError: so many draws are not legal.
+    """
+    study = plan.reliability[0]
+    crude = replace(
+        study, name=f"{study.name} crude", draws=draws, rays=0, scales=(), modes=0, pairs=(), probability="importance"
+    )
+    try:
+        return replace(plan, name=f"{plan.name}, plain draws", reliability=(crude,))
+    except UserError as error:
+        raise UserError(f"--check-crude {draws}: {error}") from None
 
 
 def _only(plan: "Plan") -> "Plan":
