@@ -76,33 +76,15 @@ def review_campaign(
         (folder / REVIEWS).mkdir(exist_ok=True)
     except OSError as error:
         raise UserError(f"{folder / REVIEWS}: cannot be made: {error.strerror}") from error
-    shown, pairs = [], []
+    shown = []
     for row in falls:
         if stop():
             break
-        looked = _look(results, folder, row, tell)
-        shown.append(_small(looked, folder))
-    as_before = 0
-    for place, (fall, survivor) in enumerate([*edges, *_pairs(results, falls)]):
-        if stop():
-            break
-        one, other = _look(results, folder, fall, tell), _look(results, folder, survivor, tell)
-        page = beside_of(survivor, fall)
-        if not (folder / page).exists():
-            write_page([salvage(folder / other.log), salvage(folder / one.log)], folder / page)
-        pairs.append(
-            {
-                "page": page,
-                "fall": _words(fall),
-                "survivor": _words(survivor),
-                "logs": (other.log, one.log),
-                "film": beside_of(survivor, fall, ".gif"),
-            }
-        )
-        if place < len(edges):
-            as_before += all(_ended(folder / side.log) == side.row.outcome for side in (one, other))
-            if place == len(edges) - 1:
-                tell(f"{as_before} of {len(edges)} nearest falls fall again, and the walk just inside each walks")
+        shown.append(_small(_look(results, folder, row, tell), folder))
+    pairs = list(_beside(results, folder, [*edges, *_pairs(results, falls)], tell, stop))
+    if edges and len(pairs) >= len(edges):
+        again = sum(all(_ended(folder / log_of(row)) == row.outcome for row in edge) for edge in edges)
+        tell(f"{again} of {len(edges)} nearest falls fall again, and the walk just inside each walks")
     title = f"{results.plan.name}: falls"
     body = pages.render("falls.html", title=title, shown=shown, pairs=pairs, back=REPORT)
     pages.write(folder / FALLS, body)
@@ -116,6 +98,30 @@ def _edges(results: Results) -> Iterator[tuple[TrialResult, TrialResult]]:
         if isinstance(study, ReliabilityStudy):
             for one in reliability_findings(results, study).each:
                 yield from ((side.outside, side.inside) for side in one.sides if side.inside is not None)
+
+
+def _beside(
+    results: Results,
+    folder: Path,
+    pairs: Sequence[tuple[TrialResult, TrialResult]],
+    tell: Callable[[str], None],
+    stop: Callable[[], str | None],
+) -> Iterator[dict[str, Any]]:
+    """The page of each fall and its survivor, one beside the other, as the page of all falls shows it."""
+    for fall, survivor in pairs:
+        if stop():
+            return
+        one, other = _look(results, folder, fall, tell), _look(results, folder, survivor, tell)
+        page = beside_of(survivor, fall)
+        if not (folder / page).exists():
+            write_page([salvage(folder / other.log), salvage(folder / one.log)], folder / page)
+        yield {
+            "page": page,
+            "fall": _words(fall),
+            "survivor": _words(survivor),
+            "logs": (other.log, one.log),
+            "film": beside_of(survivor, fall, ".gif"),
+        }
 
 
 def _ended(log: Path) -> str:
