@@ -479,6 +479,7 @@ DAMAGE = {
     "values that are none": "UPDATE trials SET \"values\" = '{'",
     "values of another kind": "UPDATE trials SET \"values\" = '[1]'",
     "a cause that is none": "UPDATE trials SET cause = 'magic', evidence = '{}'",
+    "a speed that is none": 'UPDATE trials SET evidence = \'{"least_speed_m_s": "fast"}\'',
     "criteria that are none": "UPDATE trials SET judged_by = '[]'",
     "a blob": "UPDATE trials SET outcome = x'ff'",
 }

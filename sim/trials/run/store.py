@@ -229,7 +229,7 @@ class Store:
             for text in (found.values, found.evidence or "{}", found.judged_by or "{}"):
                 if not isinstance(json.loads(text), dict):
                     raise ValueError(text)
-            _ = found.proof
+            _ = found.proof, found.least_speed_m_s
         except (ValueError, KeyError, TypeError) as error:
             words = " ".join(str(error).split())[:100]
             raise UserError(f"{self._where}: the row of trial {row[0]}/{row[1]} is damaged: {words}") from error
