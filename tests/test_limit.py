@@ -22,7 +22,11 @@ from sim import cli
 from sim.bridge.limits import AXES, ask, fingerprint
 from sim.scenario import Scenario, with_values
 from sim.trials.plan import load_plan
+from sim.trials.plan.limits import AXES as FILE_AXES
 from sim.trials.plan.limits import Limits, read_limits, shipped_limits
+from sim.trials.report.report import write_report
+from sim.trials.run import Results, run_plan
+from sim.trials.run.recall import open_results
 
 GAIT = "paper-polished"
 
@@ -136,9 +140,21 @@ def test_a_file_of_limits_comes_back_and_knows_its_axes(tmp_path, found):
     assert found.trusted and not doubted.trusted and doubted.sure.startswith("not to be trusted: ")
     assert limits.with_row(doubted.record()).beside(pushed, "pushes.0.force", -1) is None
     whole = path.read_text()
-    for line, other in ((f"value = {row['value']}", "value = nan"), ("unit = ", "other = "), ("words = ", "other = ")):
-        path.write_text(whole.replace(line, other))
-        with pytest.raises(UserError, match=r"limits\.0\.(value|unit|words) = (nan|None): must be"):
+    for line, other, said in (
+        (f"value = {row['value']}", "value = nan", "value = nan: must be finite"),
+        (f"value = {row['value']}", "value = 60", "value = 60 N: must be 0 or below"),
+        ("unit = ", "other = ", "unit = None: must be text"),
+        ('unit = "N"', 'unit = "kg"', "unit = 'kg': must be 'N' for push-back"),
+        ("words = ", "other = ", "words = None: must be text"),
+        ("\nstep = 1", "\nstep = true", "step = True: must be a whole number"),
+        ("trusted = true", "trusted = 3", "trusted = 3: must be true or false"),
+        ('axis = "push-back"', 'axis = "push-up"', "axis = 'push-up': must be one of push-back, "),
+        ("words = ", "meshes = [[10, inf]]\nwords = ", "meshes = .*: must be finite numbers and text"),
+        ("words = ", "when = 2020-01-01\nwords = ", "when = .*: must be finite numbers and text"),
+    ):
+        lines = [x for x in whole.splitlines() if not (x.startswith("meshes") and "meshes" in other)]
+        path.write_text("\n".join(lines).replace(line, other))
+        with pytest.raises(UserError, match=r"limits\.0\." + said):
             read_limits(path)
     path.write_text("walker = 1")
     with pytest.raises(UserError, match="made by cmpc limit --out"):
@@ -164,6 +180,7 @@ def test_the_shipped_limits_stand_beside_the_atlas():
         ("push-up", "push-up: is no axis of cmpc limit"),
         ("push-back --step 4", "--step 4: must be from 1 to --steps, 3"),
         ("slope-up --for 1", "slope-up has no duration"),
+        ("slope-up --step 2", "--step 2: says which step is pushed, or lands behind the ledge; slope-up has none"),
         ("push-back --blind 0.1 --step 2", "needs a push through step 1"),
         ("push-back --walker nowhere", "nowhere"),
         ("slope-up --log x.mcap", "walks one push or impulse"),
@@ -204,9 +221,76 @@ def test_python_refuses_a_bad_question(axis, keywords, said):
         sim.limit(axis, **keywords)
 
 
-def test_without_casadi_it_says_what_to_install():
-    words = "import sys; sys.modules['casadi'] = None; from sim import cli; "
-    code = words + "sys.exit(cli.main(['limit', 'push-back', '--quiet']))"
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        ("", "is missing; must"),
+        ("raise OSError('no GLIBC')", "does not work (no GLIBC)"),
+        ("x = 1", "does not work (mod"),
+    ],
+)
+def test_without_casadi_it_says_what_to_install(broken, said, tmp_path):
+    (tmp_path / "casadi.py").write_text(broken)
+    words = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
+        if broken
+        else "import sys; sys.modules['casadi'] = None; "
+    )
+    code = words + "from sim import cli; sys.exit(cli.main(['limit', 'push-back', '--quiet']))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     (line,) = spoken(done.stderr)
-    assert done.returncode == 2 and "pip install 'cmpc-walker[design]'" in line
+    assert done.returncode == 2 and "pip install 'cmpc-walker[design]'" in line and said in line
+
+
+def test_a_device_is_written_into_not_read(found, monkeypatch, capsys):
+    """A full one takes nothing away: the answer is told first."""
+    monkeypatch.setattr("sim.bridge.limits.ask", lambda *_, **__: found)
+    assert cli.main(["limit", "push-back", "--quiet", "--out", "/dev/null"]) == 0
+    assert cli.main(["limit", "push-back", "--quiet", "--out", "/dev/full"]) == 2
+    out, err = capsys.readouterr()
+    assert out.count("backward through step 1: -6") == 2 and "/dev/full: cannot be written" in err
+
+
+def test_the_axes_of_a_file_are_those_that_may_be_asked():
+    file = {name: (unit, sign * (-1.0 if name == "friction" else 1.0)) for name, (unit, sign) in FILE_AXES.items()}
+    assert file == {name: (axis.unit, axis.sign) for name, axis in AXES.items()}
+
+
+PLAN = """
+limits = "limits.toml"
+controllers = ["zd-pd"]
+scenario.steps = 1
+scenario.plant.kind = "rigid"
+margin = [{axes = [{paths = ["plant.mass_factor.torso"], nominal = 1.0, low = 1.0, high = 1.1, tolerance = 0.1}]}]
+"""
+
+
+def report(out):
+    plan, store = open_results(out)
+    with store:
+        return write_report(Results(plan=plan, store=store), out)
+
+
+def test_limits_of_a_plan_are_of_its_walker_and_results_outlive_their_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    limits, plan, out = tmp_path / "limits.toml", tmp_path / "plan.toml", tmp_path / "out"
+    limits.write_text((ROOT / "sim/trials/plan/shipped/limits/rabbit.toml").read_text())
+    plan.write_text(PLAN)
+    held = dataclasses.replace(load_plan(str(plan)), seed=2)
+    monkeypatch.chdir(ROOT)
+    results = run_plan(held, out, workers=1)
+    assert results.plan.limits == str(limits)
+    results.store.close()
+    page = report(out)
+    assert "gait paper-polished" in page.read_text()
+    limits.write_text(limits.read_text().replace("7e087c2218d9", "elsewhere"))
+    with pytest.raises(
+        UserError, match=r"limits\.toml': are of walker elsewhere; must be of the plan's, 'rabbit' \(7e0"
+    ):
+        run_plan(held)
+    limits.unlink()
+    with pytest.raises(UserError, match=r"limits\.toml: no file of limits that can be read"):
+        load_plan(str(plan))
+    results = run_plan(dataclasses.replace(held, limits="rabbit"), out, workers=1)  # no other plan
+    results.store.close()
+    assert "No limits are drawn" in report(out).read_text()

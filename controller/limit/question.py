@@ -185,6 +185,10 @@ class Question:
                 f"--friction {self.friction:g}, --torso {self.torso:g} rad, --blind {self.blind:g} s: must be above 0 "
                 "and at most 10, above 0 and at most 1.5 rad, from 0 to 1 s"
             )
+        if self.step != usual_step(self.axis) and self.what.kind not in ("push", "ledge"):
+            raise UserError(
+                f"--step {self.step}: says which step is pushed, or lands behind the ledge; {self.axis} has none"
+            )
         if not 1 <= self.step <= self.steps:
             raise UserError(f"--step {self.step}: must be from 1 to --steps, {self.steps}")
         if self.seconds is not None and not 0.02 <= self.seconds <= (self.steps - self.step + 1) * self.longest:

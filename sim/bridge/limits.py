@@ -46,13 +46,19 @@ def check_casadi() -> None:
     """Refuse to go on without CasADi.
 
     Raises:
-        UserError: it is not installed.
+        UserError: it is not installed, or does not work.
     """
     try:
-        import casadi  # noqa: F401
-    except ImportError as error:
+        import controller.limit.solve  # noqa: F401
+    except (
+        ImportError,
+        OSError,
+        AttributeError,
+    ) as error:  # missing, its libraries not to be loaded, or another package
+        missing = isinstance(error, ModuleNotFoundError)
         raise UserError(
-            "cmpc limit: CasADi is missing; must be installed: pip install 'cmpc-walker[design]'"
+            f"cmpc limit: CasADi is missing{'' if missing else f' or does not work ({error})'}; must be installed: "
+            "pip install 'cmpc-walker[design]'"
         ) from error
 
 

@@ -115,11 +115,11 @@ def _run(found: Namespace) -> int:
                     console.note(f"cmpc: {reason}{f'; {out} has what was found' if out and answers else ''}")
                     return 128 + stop.signum
             answers.append(answer)
+            if not found.json:
+                _tell(answer)  # first: no disk that is full can take it away
             if out:
                 kept = kept.with_row(answer.record())
                 kept.write(out)
-            if not found.json:
-                _tell(answer)
     if found.json:
         rows = kept.rows if out and found.all else [answer.record() for answer in answers]
         print(json.dumps(list(rows)), flush=True)
@@ -148,7 +148,7 @@ def _kept(out: Path | None, walker: str, gait: str) -> Any:
     """The limits that a file has already."""
     from sim.trials.plan.limits import Limits, read_limits
 
-    if out is None or not out.exists():
+    if out is None or not (out.is_file() or out.is_dir()):  # a device or a pipe is written into, and has nothing
         return Limits(walker=walker, gait=gait, rows=())
     kept = read_limits(out)
     if (kept.walker, kept.gait) != (walker, gait):

@@ -27,6 +27,31 @@ NEEDED = {
 }
 """What a row must have; numbers are finite."""
 
+KNOWN = {
+    "seconds": float,
+    "blind": float,
+    "longest_step": float,
+    "torso": float,
+    "steps": int,
+    "controller": str,
+    "trusted": bool,
+}
+"""What it may have too."""
+
+AXES = {
+    "push-back": ("N", -1.0),
+    "push-forward": ("N", 1.0),
+    "impulse-back": ("N.s", -1.0),
+    "impulse-forward": ("N.s", 1.0),
+    "slope-down": ("rad", -1.0),
+    "slope-up": ("rad", 1.0),
+    "step-down": ("m", -1.0),
+    "step-up": ("m", 1.0),
+    "load": ("ratio", 1.0),
+    "friction": ("ratio", 1.0),
+}
+"""Unit and sign of a value, by axis."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
@@ -107,6 +132,22 @@ def shipped_limits(name: str) -> Limits:
     return read_limits(Path(name))
 
 
+def limits_of(name: str, scenario: Scenario) -> Limits:
+    """A file of limits, of a scenario's own walker; its gait may be another of it.
+
+    Raises:
+        UserError: there is none, it is none, or it is of another walker.
+    """
+    from sim.bridge.limits import fingerprint
+
+    limits, walker = shipped_limits(name), fingerprint(scenario.walker, scenario.gait)
+    if limits.walker != walker:
+        raise UserError(
+            f"limits = {name!r}: are of walker {limits.walker}; must be of the plan's, {scenario.walker!r} ({walker})"
+        )
+    return limits
+
+
 def _asked(scenario: Scenario, path: str, sign: int) -> tuple[str, int]:
     """Axis of `cmpc limit` and step of a setting varied."""
     push = scenario.pushes[0] if len(scenario.pushes) == 1 else None
@@ -147,10 +188,36 @@ def read_limits(path: Path) -> Limits:
     if not isinstance(rows, list) or not all(isinstance(table.get(key), str) for key in ("walker", "gait")):
         raise UserError(f"{path}: no file of limits; must be made by cmpc limit --out")
     for number, row in enumerate(rows):
-        for key, kind in NEEDED.items():
-            value = row.get(key) if isinstance(row, Mapping) else None
-            if not isinstance(value, (int, float) if kind is float else kind):
-                raise UserError(f"{path}: limits.{number}.{key} = {value!r}: must be a {kind.__name__}")
-            if isinstance(value, int | float) and not math.isfinite(value):
-                raise UserError(f"{path}: limits.{number}.{key} = {value!r}: must be a finite number")
+        try:
+            _check_row(row if isinstance(row, Mapping) else {})
+        except UserError as error:
+            raise UserError(f"{path}: limits.{number}.{error}") from None
     return Limits(walker=table["walker"], gait=table["gait"], rows=tuple(rows))
+
+
+def _check_row(row: Mapping[str, Any]) -> None:
+    """Refuse a row that cannot be drawn beside an axis, or written again."""
+    words = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
+    for key, kind in (NEEDED | {key: kind for key, kind in KNOWN.items() if key in row}).items():
+        value = row.get(key)
+        legal = isinstance(value, (int, float) if kind is float else kind)
+        if not legal or (isinstance(value, bool) and kind is not bool):
+            raise UserError(f"{key} = {value!r}: must be {words[kind]}")
+    for key, value in row.items():
+        if not _is_plain(value):
+            raise UserError(f"{key} = {value!r}: must be finite numbers and text")
+    if row["axis"] not in AXES:
+        raise UserError(f"axis = {row['axis']!r}: must be one of {', '.join(AXES)}")
+    unit, sign = AXES[row["axis"]]
+    if row["unit"] != unit:
+        raise UserError(f"unit = {row['unit']!r}: must be {unit!r} for {row['axis']}")
+    if row["value"] * sign < 0.0:
+        raise UserError(f"value = {row['value']:g} {unit}: must be 0 or {'above' if sign > 0.0 else 'below'}")
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return all(map(_is_plain, value.values()))
+    if isinstance(value, list):
+        return all(map(_is_plain, value))
+    return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))

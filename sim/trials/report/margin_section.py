@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from sim.errors import UserError
 from sim.trials.plan import MarginStudy, Plan
 from sim.trials.plan.axis import changes, label, scenario_at
-from sim.trials.plan.limits import Limits, shipped_limits
+from sim.trials.plan.limits import Limits, limits_of
 from sim.trials.plan.margin import MarginAxis
 from sim.trials.report import plots
 from sim.trials.report.findings import Side, sides, weakest
@@ -18,14 +19,25 @@ FIRST = 3  # sides named that break first
 def margin_section(results: Results, study: MarginStudy) -> dict[str, Any]:
     """What each controller holds, and what breaks it first."""
     controllers, found = results.plan.controllers, list(sides(results, study))
+    limits, without = _limits(results.plan)
     return {
         "kind": "margin",
         "unknown": sum(len(controllers) * sum(end != 0 for end in axis.ends) for axis in study.axes) - len(found),
         "how_finely": _how_finely(study),
         "leads": [_lead(found, controller) for controller in controllers],
-        "rows": list(_rows(found, study, controllers, results.plan)),
-        "limits": bool(results.plan.limits),
+        "rows": list(_rows(found, study, controllers, results.plan, limits)),
+        "limits": limits is not None,
+        "limits_gait": limits.gait if limits else "",
+        "without": without,
     }
+
+
+def _limits(plan: Plan) -> tuple[Limits | None, str]:
+    """The plan's limits, or why they cannot be drawn; results are shown without them then."""
+    try:
+        return (limits_of(plan.limits, plan.scenario) if plan.limits else None), ""
+    except UserError as error:
+        return None, str(error)
 
 
 def _lead(found: Sequence[Side], controller: str) -> dict[str, Any]:
@@ -56,9 +68,8 @@ def _how_finely(study: MarginStudy) -> str:
 
 
 def _rows(
-    found: Sequence[Side], study: MarginStudy, controllers: Sequence[str], plan: Plan
+    found: Sequence[Side], study: MarginStudy, controllers: Sequence[str], plan: Plan, limits: Limits | None
 ) -> Iterator[dict[str, Any]]:
-    limits = shipped_limits(plan.limits) if plan.limits else None
     for axis in study.axes:
         here = [side for side in found if side.axis is axis]
         if here:
@@ -103,8 +114,8 @@ def _held(here: Sequence[Side], controller: str, most: Mapping[int, Mapping[str,
             text = beyond + value + (f" (mixed to {again[-1]:.4g})" if again else "")
             if side.sign in most and side.margin.value is not None:
                 nominal = side.axis.nominal
-                share = (side.margin.value - nominal) / (most[side.sign]["value"] - nominal)
-                text += f" ({100.0 * share:.0f} % of the limit)"
+                room = most[side.sign]["value"] - nominal
+                text += f" ({100.0 * (side.margin.value - nominal) / room:.0f} % of the limit)" if room else ""
             ends.append(text)
     return " to ".join(ends) or "-"
 

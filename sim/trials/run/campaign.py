@@ -13,6 +13,7 @@ from typing import Any
 
 from sim.errors import UserError
 from sim.trials.plan import CertificateStudy, MarginStudy, Plan, ReliabilityStudy
+from sim.trials.plan.limits import limits_of
 from sim.trials.plan.margin import next_positions
 from sim.trials.plan.plan import differences
 from sim.trials.run import workers as pools
@@ -22,7 +23,7 @@ from sim.trials.run.replay import Replays
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import Counts, Store
 
-CHANGE_NO_RESULT = ("wall_limit", "retries", "logs", "log_every", "description")
+CHANGE_NO_RESULT = ("wall_limit", "retries", "logs", "log_every", "description", "limits")
 """Settings of a plan that may change while its campaign goes on."""
 
 MOST_DIFFERENCES = 5  # shown when a plan has changed
@@ -168,10 +169,13 @@ def run_plan(
         stop: Asked a few times a second; a reason ends the campaign early.
 
     Raises:
-        UserError: the folder holds results of a different plan, or found with something else; it cannot be written.
+        UserError: the folder holds results of a different plan, or found with something else; it cannot be written; the
+            plan's limits are of another walker.
     """
     if workers is not None and workers < 1:
         raise UserError(f"--workers = {workers}: must be 1 or above")
+    if plan.limits and not retry:
+        limits_of(plan.limits, plan.scenario)
     folder = Path(out).absolute() if out is not None else None
     campaign = pools.Campaign.of(plan, folder)
     execute = pools.cluster(campaign, client) if client is not None else pools.local(campaign, workers or cores())
