@@ -16,6 +16,7 @@ from sim.scenario import Scenario
 from sim.trials.plan.plan import from_toml, load_plan
 from sim.trials.report.reliability_checks import crude_checks, repeats
 from sim.trials.report.reliability_findings import certificates, reliability_findings
+from sim.trials.report.reliability_section import beta_words
 from sim.trials.report.report import write_report
 from sim.trials.report.reviews import beside_of, log_of, review_of
 from sim.trials.report.summary import summarise
@@ -151,6 +152,7 @@ BAD = {
     PLAN.replace(LOOK, "scales = [1.0]"): "scales = [1.0]",
     PLAN.replace('distribution = "uniform"\nlow = 0.3', 'distribution = "uniform"\nlow = -0.3'): "friction",
     PLAN.replace("low = -0.01", "low = 0.03"): "below high",
+    PLAN.replace("sensors.torso_bias", "sensors.torso_base"): "'near': sensors.torso_base: no such setting",
 }
 
 
@@ -209,6 +211,14 @@ def test_a_study_says_how_far_what_of_and_how_probable(results, tmp_path):
     page = write_report(results, tmp_path).read_text()
     assert "deviations" in page and f"zd-pd/{pd.sides[0].outside.trial}" in page
     assert "near: zd-pd: nearest fall at 1.5" in summarise(results)
+
+
+def test_a_search_that_ended_before_the_falls_it_saw_does_not_say_that_nothing_fell(tmp_path):
+    short = ran(from_toml(PLAN.replace(LOOK, "look = 10\nsearch = 1")))
+    pd, mpc = reliability_findings(short, short.plan.reliability[0]).each
+    assert beta_words(pd) == "not found in 1 walks of the search" and not mpc.sides
+    page = write_report(short, tmp_path).read_text()
+    assert f"that fall within {short.plan.scenario.steps} steps" in page and "<h3>The nearest falls</h3>" not in page
 
 
 def test_plain_draws_find_no_fall_that_is_nearer_and_as_many_as_the_study_says(results):

@@ -122,9 +122,9 @@ def _add_certify(parser: flags.Parser) -> None:
     parser.add_argument("plan", metavar="PLAN|FILE.toml", help="a plan with a study over random axes")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder of the results, made if missing")
     text = "of a fall, asked about (default: 0.001)"
-    parser.add_argument("--probability", type=float, metavar="P", default=1e-3, help=text)
+    parser.add_argument("--probability", type=flags.real(), metavar="P", default=1e-3, help=text)
     text = "at which either answer is given (default: 0.95)"
-    parser.add_argument("--confidence", type=float, metavar="C", default=0.95, help=text)
+    parser.add_argument("--confidence", type=flags.real(), metavar="C", default=0.95, help=text)
     text = "walks of each controller after which nothing is said (default: 20000)"
     parser.add_argument("--most", type=flags.whole(1), metavar="INT", default=20_000, help=text)
     parser.add_argument("--controllers", metavar="LIST", help="not the plan's: kinds with commas between, or all")

@@ -146,7 +146,9 @@ def _check_axes(where: str, axes: tuple[RandomAxis, ...], base: Scenario) -> Non
     try:
         MonteCarloStudy(name="", axes=axes).check(base)
     except UserError as error:
-        raise UserError(where + str(error).removeprefix("montecarlo ''")) from error
+        words = str(error)
+        words = words.removeprefix("montecarlo ''") if words.startswith("montecarlo ''") else f": {words}"
+        raise UserError(where + words) from error
     for axis in axes:
         if axis.distribution in ("normal", "log-normal") and axis.low is not None and axis.high is not None:
             if axis.low >= axis.high:

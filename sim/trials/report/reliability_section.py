@@ -51,6 +51,7 @@ def reliability_section(results: Results, study: ReliabilityStudy, folder: Path)
     return {
         "kind": "reliability",
         "folder": str(folder),
+        "steps": results.plan.scenario.steps,
         "colours": [(colour(place), one.controller) for place, one in enumerate(found.each)],
         "open": list(found.open),
         "rows": [_row(one, names) for one in found.each],
@@ -92,7 +93,8 @@ def beta_words(one: Reliability) -> str:
     if not one.found.nearest.tried:
         return "nearest fall not searched for"
     if not one.found.nearest.modes:
-        return "no fall found"
+        fell = one.found.draws.fell[one.found.draws.scale == 1.0]
+        return f"not found in {one.found.nearest.tried} walks of the search" if np.nansum(fell) else "no fall found"
     if one.found.beta == 0.0:
         return "0: it falls with nothing wrong at all"
     return f"{one.found.beta:.2f}"
@@ -144,7 +146,7 @@ def _against(found: ReliabilityFindings) -> Iterator[tuple[str, ...]]:
         beta = (
             f"{one.beta:+.2f} ({low:+.2f} to {high:+.2f})"
             if math.isfinite(high - low)
-            else "no fall found of one of them"
+            else "no nearest fall found of one of them"
         )
         yield one.controller, beta, f"{one.probability:+.3g} ({p_low:+.3g} to {p_high:+.3g})"
 
