@@ -105,7 +105,7 @@ def test_a_library_of_frost(capsys, frost, orbit):
     _, found, err = judged(capsys, frost / "library.mat", frost / "again.toml", *flags)
     assert found["fit_rad"] < 1e-9 and found["step_time_s"] == pytest.approx(orbit.step_time, rel=1e-6), err
     assert found["step_time_file_s"] == pytest.approx(orbit.step_time, rel=1e-9)
-    assert "--number 2" in (frost / "again.toml").read_text()
+    assert "library.mat --number 2 --walker mine --stance right --degree 6" in (frost / "again.toml").read_text()
 
 
 @pytest.mark.parametrize(
