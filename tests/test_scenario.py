@@ -205,6 +205,7 @@ BAD = {
     "[[pushes]]\nforce = 1": ["pushes.0", "either step, or both start and end [s]"],
     "[[pushes]]\nforce = 1\nstep = 1\nstart = 1\nend = 2": ["pushes.0", "either step"],
     "[[pushes]]\nforce = 1\nstart = 1": ["pushes.0", "both start and end"],
+    "[controller.plan]\nshortest = 2": ["controller.plan.shortest = 2.0 s", "below controller.plan.longest = 1.1 s"],
     "[[pushes]]\nforce = 1\nstart = 2\nend = 1": ["pushes.0.end = 1.0 s", "after pushes.0.start = 2.0 s"],
     "[start]\nq_offset = [0, 0, 0, 0]": ["start.q_offset", "5 finite numbers", "[rad]"],
     "[start]\ntorso_offset = nan": ["start.torso_offset = nan rad", "[rad]"],

@@ -119,6 +119,11 @@ class Scenario:
     def __post_init__(self) -> None:
         settings.check(self)
         whole_substeps(self.plant.timestep, self.controller.period)
+        shortest, longest = self.controller.plan.shortest, self.controller.plan.longest
+        if shortest >= longest:
+            raise UserError(
+                f"controller.plan.shortest = {shortest!r} s: must be below controller.plan.longest = {longest!r} s"
+            )
         for index, push in enumerate(self.pushes):
             _check_when(push, f"pushes.{index}")
 
