@@ -9,6 +9,8 @@ from conftest import RABBIT
 from scipy.io import savemat
 
 from controller.belief import load_gait
+from controller.design.frost import read_mat
+from controller.design.imported import BASE
 from controller.design.orbit import periodic_orbit
 from controller.design.polish import polish
 from sim.cli import main
@@ -95,6 +97,13 @@ def frost(tmp_path_factory, orbit):
     savemat(folder / "library.mat", {"gaits": library, "note": "two of them"})
     savemat(folder / "none.mat", {"gaits": records(impact), "x": 3.0})
     savemat(folder / "numbers.mat", {"x": np.arange(3.0)})
+    nothing = np.where(x == x[4, 4], np.nan, x)
+    for name, states in {"turned": x.T, "nan": nothing, "complex": x + 1j, "text": "x"}.items():
+        savemat(folder / f"{name}.mat", {"gaits": records(step | {"states": {"x": states}})})
+    savemat(folder / "nostates.mat", {"gaits": records(step | {"states": {"y": x}})})
+    odd = {"text": "abc", "record": records(step, impact), "complex": orbit.t + 1j, "back": orbit.t[::-1]}
+    for name, tspan in odd.items():
+        savemat(folder / f"tspan-{name}.mat", {"gaits": records(step | {"tspan": tspan})})
     (folder / "noise.mat").write_bytes(bytes(range(256)))
     return folder
 
@@ -114,7 +123,12 @@ def test_a_library_of_frost(capsys, frost, orbit):
         ("library.mat", ["--stance", "right"], ["holds 2 gaits", "--number 1 to 2"]),
         ("library.mat", ["--stance", "right", "--number", "3"], ["--number 3: must be 1 to 2"]),
         ("library.mat", ["--number", "2"], ["on the left foot", "stands on: right"]),
-        ("none.mat", [], ["none of its phases is a step"]),
+        ("none.mat", [], ["none of its phases is a step", "(7, 12 or more)", "it is (7,)"]),
+        ("turned.mat", [], ["none of its phases is a step", "7)"]),
+        ("nan.mat", [], ["it is not finite numbers"]),
+        ("text.mat", [], ["it is not finite numbers"]),
+        ("complex.mat", [], ["it is complex"]),
+        ("nostates.mat", [], ["it is missing"]),
         ("numbers.mat", [], ["no gait of FROST", "tspan and states.x"]),
         ("noise.mat", [], ["no MATLAB file up to version 7", "-v7"]),
         ("nowhere.mat", [], ["cannot be read"]),
@@ -124,6 +138,12 @@ def test_a_library_of_frost(capsys, frost, orbit):
 def test_a_mat_that_is_no_step_says_why(capsys, frost, name, flags, words):
     code, _, err = run(capsys, "gait", "import", frost / name, "--walker", frost / "mine", "--out", "x.toml", *flags)
     assert code == 2 and err.count("\n") == 1 and all(word in err for word in words), err
+
+
+@pytest.mark.parametrize("name", ["text", "record", "complex", "back"])
+def test_times_of_a_mat_that_are_none_say_nothing_of_the_step(frost, name):
+    columns = read_mat((frost / f"tspan-{name}.mat").read_bytes(), ["a", "b", "c", "d"], "right", None, name)
+    assert {*columns} == {BASE, "a", "b", "c", "d"}
 
 
 def test_bezier_outputs_over_another_clock(capsys, tmp_path, polished, orbit):

@@ -49,16 +49,22 @@ def read_mat(data: bytes, joints: Sequence[str], stance: str, number: int | None
         raise UserError(f"{where}: holds {len(gaits)} gaits; choose one by --number 1 to {len(gaits)}")
     if number is not None and not 1 <= number <= len(gaits):
         raise UserError(f"{where}: --number {number}: must be 1 to {len(gaits)}")
-    phases = [(phase, x) for phase in gaits[(number or 1) - 1] if (x := _states(phase)) is not None]
+    there = gaits[(number or 1) - 1]
+    phases = [(phase, x) for phase in there if (x := _states(phase)) is not None]
+    if not phases:
+        raise UserError(
+            f"{where}: none of its phases is a step: states.x must be ({ROWS}, {FEWEST} or more), real and finite; "
+            f"it is {', '.join(map(_what, there))}"
+        )
     feet = [_feet(phase) for phase, _ in phases]
     fits = [one for one, foot in zip(phases, feet, strict=True) if not foot or stance in foot]
     if not fits:
-        stands = " and ".join(sorted(set().union(*feet))) or "none of its phases is a step"
+        stands = " and ".join(sorted(set().union(*feet)))
         raise UserError(f"{where}: no step of {FEWEST} samples or more on the {stance} foot; it stands on: {stands}")
     phase, x = fits[0]
-    t = np.atleast_1d(np.array(getattr(phase, "tspan", np.empty(0)), dtype=float))
+    t = _numbers(getattr(phase, "tspan", None))
     columns = {BASE: x[PITCH], **dict(zip(joints, x[BASE_ROWS:], strict=True))}
-    return columns | ({"t": t} if t.shape == x[PITCH].shape else {})
+    return columns | ({"t": t} if t is not None and t.shape == x[PITCH].shape and t[-1] > t[0] else {})
 
 
 def _gaits(value: Any) -> Iterator[list[Any]]:
@@ -81,11 +87,27 @@ def _gaits(value: Any) -> Iterator[list[Any]]:
 
 def _states(phase: Any) -> Vector | None:
     """The trajectory of a phase, (7, K) with finite numbers; None for an impact."""
+    x = _numbers(getattr(phase.states, "x", None))
+    return x if x is not None and x.ndim == 2 and x.shape[0] == ROWS and x.shape[1] >= FEWEST else None
+
+
+def _numbers(value: Any) -> Vector | None:
+    """An array of finite real numbers; None for anything else, however MATLAB keeps it."""
     try:
-        x = np.array(getattr(phase.states, "x", ()), dtype=float)
+        found = np.array(value, dtype=None if np.iscomplexobj(value) else float)
     except (TypeError, ValueError):
         return None
-    return x if x.ndim == 2 and x.shape[0] == ROWS and x.shape[1] >= FEWEST and np.isfinite(x).all() else None
+    return None if np.iscomplexobj(found) or not np.isfinite(found).all() else found
+
+
+def _what(phase: Any) -> str:
+    """What a phase has in the place of a trajectory, in words."""
+    x = getattr(phase.states, "x", None)
+    if x is None:
+        return "missing"
+    if _numbers(x) is None:
+        return "complex" if np.iscomplexobj(x) else "not finite numbers"
+    return str(np.shape(x))
 
 
 def _feet(phase: Any) -> set[str]:
