@@ -31,7 +31,7 @@ there may be better ones, and no controller need reach it. Extra "design".
   cmpc limit push-back
   cmpc limit push-forward --for 0.5 --starts 5
   cmpc limit push-back --blind 0.1 --controller zd-pd     100 ms of ZD+PD under the push, then all is known
-  cmpc limit push-back --log limit.mcap the walk of nine tenths of it or less, on the rigid plant
+  cmpc limit push-back --log limit.mcap                   the walk of nine tenths of it or less, on the rigid plant
   cmpc limit --all --out limits.toml                      every axis; limits = "limits.toml" in a plan of trials;
                                                           the same command again goes on where it was interrupted
   cmpc limit push-back --step 2 --out limits.toml         one more row in it
