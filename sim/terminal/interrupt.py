@@ -12,9 +12,10 @@ DEAF = (
     "ExecutionEngine._raw_object_cache_notify",  # what LLVM calls when llvmlite has compiled a kernel
     "ExtensionFileLoader.create_module",
     "ExtensionFileLoader.exec_module",
+    "clarabel_solve_problem",  # Clarabel asks for signals while it solves, and takes an exception for its own end
 )
 """Functions under which an exception gets lost on its way through compiled code, or becomes another."""
-AGAIN = 0.05  # [s] from an interrupt that met such a call to the next try
+AGAIN = 0.01  # [s] from an interrupt that met such a call to the next try
 
 
 class StopRequest:
