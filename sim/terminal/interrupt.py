@@ -15,7 +15,7 @@ DEAF = (
     "clarabel_solve_problem",  # Clarabel asks for signals while it solves, and takes an exception for its own end
 )
 """Functions under which an exception gets lost on its way through compiled code, or becomes another."""
-AGAIN = 0.01  # [s] from an interrupt that met such a call to the next try
+AGAIN = 0.003  # [s] from an interrupt that met such a call to the next try
 
 
 class StopRequest:
