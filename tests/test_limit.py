@@ -22,7 +22,6 @@ from sim import cli
 from sim.bridge.limits import AXES, ask, fingerprint
 from sim.scenario import Scenario, with_values
 from sim.trials.plan import load_plan
-from sim.trials.plan.limits import AXES as FILE_AXES
 from sim.trials.plan.limits import Limits, read_limits, shipped_limits
 from sim.trials.report.report import write_report
 from sim.trials.run import Results, run_plan
@@ -251,9 +250,17 @@ def test_a_device_is_written_into_not_read(found, monkeypatch, capsys):
     assert out.count("backward through step 1: -6") == 2 and "/dev/full: cannot be written" in err
 
 
-def test_the_axes_of_a_file_are_those_that_may_be_asked():
-    file = {name: (unit, sign * (-1.0 if name == "friction" else 1.0)) for name, (unit, sign) in FILE_AXES.items()}
-    assert file == {name: (axis.unit, axis.sign) for name, axis in AXES.items()}
+@pytest.mark.parametrize("name", AXES)
+def test_the_axes_of_a_file_are_those_that_may_be_asked(name, tmp_path):
+    """With their units and signs."""
+    limits, path = shipped_limits("rabbit"), tmp_path / "limits.toml"
+    row = next(row for row in limits.rows if row["axis"] == name)
+    dataclasses.replace(limits, rows=(row,)).write(path)
+    assert read_limits(path).rows == (row,)
+    for change in ({"value": -row["value"]}, {"unit": "kg"}, {"axis": f"{name}s"}):
+        dataclasses.replace(limits, rows=({**row, **change},)).write(path)
+        with pytest.raises(UserError, match=f"{next(iter(change))} = "):
+            read_limits(path)
 
 
 PLAN = """

@@ -38,20 +38,6 @@ KNOWN = {
 }
 """What it may have too."""
 
-AXES = {
-    "push-back": ("N", -1.0),
-    "push-forward": ("N", 1.0),
-    "impulse-back": ("N.s", -1.0),
-    "impulse-forward": ("N.s", 1.0),
-    "slope-down": ("rad", -1.0),
-    "slope-up": ("rad", 1.0),
-    "step-down": ("m", -1.0),
-    "step-up": ("m", 1.0),
-    "load": ("ratio", 1.0),
-    "friction": ("ratio", 1.0),
-}
-"""Unit and sign of a value, by axis."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
@@ -197,6 +183,8 @@ def read_limits(path: Path) -> Limits:
 
 def _check_row(row: Mapping[str, Any]) -> None:
     """Refuse a row that cannot be drawn beside an axis, or written again."""
+    from sim.bridge.limits import AXES
+
     words = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
     for key, kind in (NEEDED | {key: kind for key, kind in KNOWN.items() if key in row}).items():
         value = row.get(key)
@@ -208,11 +196,12 @@ def _check_row(row: Mapping[str, Any]) -> None:
             raise UserError(f"{key} = {value!r}: must be finite numbers and text")
     if row["axis"] not in AXES:
         raise UserError(f"axis = {row['axis']!r}: must be one of {', '.join(AXES)}")
-    unit, sign = AXES[row["axis"]]
-    if row["unit"] != unit:
-        raise UserError(f"unit = {row['unit']!r}: must be {unit!r} for {row['axis']}")
+    axis = AXES[row["axis"]]
+    if row["unit"] != axis.unit:
+        raise UserError(f"unit = {row['unit']!r}: must be {axis.unit!r} for {row['axis']}")
+    sign = 1.0 if axis.kind == "friction" else axis.sign  # the least friction is asked for, and it is above 0
     if row["value"] * sign < 0.0:
-        raise UserError(f"value = {row['value']:g} {unit}: must be 0 or {'above' if sign > 0.0 else 'below'}")
+        raise UserError(f"value = {row['value']:g} {axis.unit}: must be 0 or {'above' if sign > 0.0 else 'below'}")
 
 
 def _is_plain(value: Any) -> bool:
