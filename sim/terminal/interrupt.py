@@ -1,7 +1,7 @@
 """Ctrl-C, SIGTERM and a lost connection (SIGHUP) as a request to stop; Ctrl-C heard where compiling would lose it."""
 
-import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +15,6 @@ DEAF = (
     "clarabel_solve_problem",  # Clarabel asks for signals while it solves, and takes an exception for its own end
 )
 """Functions under which an exception gets lost on its way through compiled code, or becomes another."""
-AGAIN = 0.003  # [s] from an interrupt that met such a call to the next try
 
 
 class StopRequest:
@@ -54,6 +53,13 @@ def stop_on_signal() -> Iterator[StopRequest]:
             signal.signal(signum, handler)
 
 
+def _interrupt(frame: FrameType, event: str, argument: object) -> None:
+    """What a frame is traced with that is to be interrupted where it goes on."""
+    sys.settrace(None)
+    frame.f_trace = None
+    raise KeyboardInterrupt
+
+
 @contextmanager
 def hearing_ctrl_c() -> Iterator[None]:
     """Raise `KeyboardInterrupt` on Ctrl-C, after the call where it would be lost (main thread only)."""
@@ -63,14 +69,15 @@ def hearing_ctrl_c() -> Iterator[None]:
         return
 
     def handle(signum: int, frame: FrameType | None) -> None:
+        caller = None  # of the outermost such call
         while frame is not None:
             if frame.f_code.co_qualname in DEAF:
-                again = threading.Timer(AGAIN, os.kill, (os.getpid(), signum))
-                again.daemon = True
-                again.start()
-                return
+                caller = frame.f_back
             frame = frame.f_back
-        raise KeyboardInterrupt
+        if caller is None:
+            raise KeyboardInterrupt
+        caller.f_trace = _interrupt
+        sys.settrace(lambda *_: None)  # lets Python look at frames' own
 
     signal.signal(signal.SIGINT, handle)
     try:
