@@ -84,6 +84,19 @@ def test_rows_and_records_give_the_same_run(kind, plant, changes):
 
 RIGID = {"controller.kind": "zd-pd", "plant.kind": "rigid", "plant.timestep": 1e-3}
 MUJOCO = {"controller.kind": "zd-pd", "plant.kind": "mujoco"}
+ERRING = {
+    "sensors.angle_noise": 1e-4,
+    "sensors.torso_rate_noise": 1e-3,
+    "sensors.angle_resolution": 1e-5,
+    "sensors.torso_drift": 1e-3,
+    "sensors.contact_delay": 2,
+    "sensors.contact_dropout": 0.01,
+    "sensors.latency": 1,
+    "actuation.latency": 1,
+    "actuation.noise": 0.1,
+    "actuation.resolution": 0.01,
+    "actuation.lag": 1e-3,
+}
 RIDES = {
     "walks": {"steps": 3},
     "is pushed": {"steps": 3, "pushes.0.force": 20.0, "pushes.0.step": 1, "pushes.0.body": "left_tibia"},
@@ -92,6 +105,8 @@ RIDES = {
     "runs out of time": {"steps": 9, "time_limit": 0.7773},
     "has rough ground and friction": {"steps": 3, "plant.ground.slope": 0.03, "plant.joint_friction.left_knee": 1.0},
     "has other substeps": {"steps": 2, "plant.timestep": 5e-4, "plant.ground.damping_factor": 0.5},
+    "is seen late and noisily, its motors err": {"steps": 3} | ERRING,
+    "differentiates what it sees": {"steps": 2, "sensors.rates": "differentiated", "sensors.rate_cutoff": 50.0},
     "falls at once": {"steps": 3, "plant.saturation": False, "controller.kp": (4e7,) * 4},
 }
 

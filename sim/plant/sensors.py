@@ -1,21 +1,22 @@
 """From the truth to what the controller is told: biases, noise, quantisation, differences, delays."""
 
 import math
-from collections import deque
 
 import numpy as np
 
-from sim.interface import COORDINATES, Observation, Vector
+from controller.common.held import Held
+from sim.interface import Rows
+from sim.plant.instrument_kernels import SENSING, Sensing, readings, sense
 from sim.scenario import SensorSettings
 from sim.scenario import per_link as tables
 from sim.scenario.randomness import Purpose, stream
 
-_JOINTS = slice(0, 4)
-_TORSO = COORDINATES.index("torso")
+_ANGLES, _TORSO, _RATES, _TORSO_RATE = slice(0, 4), slice(4, 5), slice(5, 9), slice(9, 10)
+"""Columns of the noise."""
 
 
 class Sensors:
-    """One set of sensors through one run; `read` is called once a tick."""
+    """One set of sensors through one run, whose blocks have all the same number of rows."""
 
     def __init__(self, settings: SensorSettings, period: float, seed: int) -> None:
         """Warm nothing up: before the first tick the sensors are taken to have read what they read at it.
@@ -26,69 +27,63 @@ class Sensors:
             seed: The scenario's seed.
         """
         s = self._settings = settings
-        self._period = period
-        self._angle_bias = np.array([*tables.values(s.angle_bias), s.torso_bias])  # [rad]
-        self._rate_bias = np.array([*tables.values(s.rate_bias), s.torso_rate_bias])  # [rad/s]
-        self._angle_noise = stream(seed, Purpose.ANGLE_NOISE)
-        self._rate_noise = stream(seed, Purpose.RATE_NOISE)
-        self._torso_noise = stream(seed, Purpose.TORSO_NOISE)
-        self._torso_rate_noise = stream(seed, Purpose.TORSO_RATE_NOISE)
+        self._work = work = np.zeros(1, SENSING)
+        work["angle_bias"] = [*tables.values(s.angle_bias), s.torso_bias]
+        work["rate_bias"] = [*tables.values(s.rate_bias), s.torso_rate_bias]
+        work["drift"], work["resolution"], work["dropout"] = s.torso_drift, s.angle_resolution, s.contact_dropout
+        work["differentiated"], work["period"] = s.rates == "differentiated", period
+        work["blend"] = 1.0 - math.exp(-2.0 * math.pi * s.rate_cutoff * period) if s.rate_cutoff else 1.0
+        self._noises = [
+            (columns, deviation, stream(seed, purpose))
+            for columns, deviation, purpose in (
+                (_ANGLES, s.angle_noise, Purpose.ANGLE_NOISE),
+                (_TORSO, s.torso_noise, Purpose.TORSO_NOISE),
+                (_RATES, s.rate_noise, Purpose.RATE_NOISE),
+                (_TORSO_RATE, s.torso_rate_noise, Purpose.TORSO_RATE_NOISE),
+            )
+            if deviation
+        ]
         self._dropout = stream(seed, Purpose.CONTACT_DROPOUT)
-        cutoff = s.rate_cutoff
-        self._blend = 1.0 - math.exp(-2.0 * math.pi * cutoff * period) if cutoff else 1.0
-        self._past_q: Vector | None = None
-        self._past_dq: Vector | None = None
-        self._contacts: deque[tuple[bool, bool]] = deque(maxlen=s.contact_delay + 1)
-        self._readings: deque[Observation] = deque(maxlen=s.latency + 1)
+        self._held: Held | None = None
 
-    def read(self, truth: Observation) -> Observation:
-        """What the controller is told at a tick; the time stamp is the tick's, whatever the latency.
+    def held(self, rows: int) -> Held:
+        """What `instrument_kernels.sense` works on.
 
         Args:
-            truth: What ideal sensors read at it.
+            rows: Of a block.
         """
-        q = self._angles(truth)
-        self._readings.append(Observation(t=truth.t, q=q, dq=self._rates(q, truth), contact=self._contact(truth)))
-        late = self._readings[0]
-        return Observation(t=truth.t, q=late.q, dq=late.dq, contact=late.contact)
+        if self._held is None:
+            noisy = np.zeros(10, dtype=np.bool_)
+            for columns, _, _ in self._noises:
+                noisy[columns] = True
+            self._held = Held(
+                Sensing(
+                    work=self._work,
+                    noise=np.zeros((rows, 10)),
+                    noisy=noisy,
+                    chances=np.zeros((rows if self._settings.contact_dropout else 0, 2)),
+                    flags=np.zeros((self._settings.contact_delay + 1, 2), dtype=np.int8),
+                    readings=readings(self._settings.latency),
+                )
+            )
+            self._draw()
+        return self._held
 
-    def _angles(self, truth: Observation) -> Vector:
-        s = self._settings
-        q: Vector = truth.q + self._angle_bias
-        q[_TORSO] += s.torso_drift * truth.t
-        if s.angle_noise:
-            q[_JOINTS] += self._angle_noise.normal(0.0, s.angle_noise, 4)
-        if s.torso_noise:
-            q[_TORSO] += self._torso_noise.normal(0.0, s.torso_noise)
-        if s.angle_resolution:
-            q[_JOINTS] = np.round(q[_JOINTS] / s.angle_resolution) * s.angle_resolution
-        return q
+    def read(self, seen: Rows, i: int) -> None:
+        """Make of what ideal sensors read what the controller is told; the rows of a block come in turn.
 
-    def _rates(self, q: Vector, truth: Observation) -> Vector:
-        s = self._settings
-        if s.rates == "differentiated":
-            return self._differences(q, truth)
-        dq: Vector = truth.dq + self._rate_bias
-        if s.rate_noise:
-            dq[_JOINTS] += self._rate_noise.normal(0.0, s.rate_noise, 4)
-        if s.torso_rate_noise:
-            dq[_TORSO] += self._torso_rate_noise.normal(0.0, s.torso_rate_noise)
-        return dq
+        Args:
+            seen: A block of `OBSERVATION`.
+            i: The row.
+        """
+        sense(self.held(len(seen)), seen, i)
+        if i == len(seen) - 1:
+            self._draw()
 
-    def _differences(self, q: Vector, truth: Observation) -> Vector:
-        """Filtered backward differences; at the first tick, which has no past, the true rates."""
-        if self._past_q is None or self._past_dq is None:
-            dq = truth.dq
-        else:
-            raw = (q - self._past_q) / self._period
-            dq = self._past_dq + self._blend * (raw - self._past_dq)
-        self._past_q, self._past_dq = q, dq
-        return dq
-
-    def _contact(self, truth: Observation) -> tuple[bool, bool]:
-        self._contacts.append(truth.contact)
-        left, right = self._contacts[0]
-        if self._settings.contact_dropout:
-            lost = self._dropout.random(2) < self._settings.contact_dropout
-            left, right = left and not lost[0], right and not lost[1]
-        return bool(left), bool(right)
+    def _draw(self) -> None:
+        """Draw what is random in the block to come."""
+        parts: Sensing = self._held.value  # type: ignore[union-attr]
+        for columns, deviation, numbers in self._noises:
+            room = parts.noise[:, columns]
+            room[:] = numbers.normal(0.0, deviation, room.shape)
+        parts.chances[:] = self._dropout.random(parts.chances.shape)
