@@ -185,6 +185,9 @@ def test_the_shipped_limits_stand_beside_the_atlas():
         ("slope-up --log x.mcap", "walks one push or impulse"),
         ("push-back --out no/where.toml", "is no folder"),
         ("push-back --intervals 2", "--intervals"),
+        ("push-back --intervals 101", "from 4 to 100"),
+        ("push-back --starts 1000", "from 1 to 100"),
+        ("push-back --steps 1000", "--steps 1000: must be from 1 to 12"),
         ("--all --step 2", "left out of --all"),
         ("--all --blind 0.1", "left out of --all"),
         ("push-back --controller nosuch", "--controller nosuch, --blind 0 s"),
@@ -195,6 +198,13 @@ def test_a_bad_question_is_one_line(words, said, capsys):
     assert cli.main(["limit", *words.split(), "--quiet"]) == 2
     err = capsys.readouterr().err
     assert said in err and err.count("\n") == 1
+
+
+def test_a_row_of_other_meshes_or_fewer_guesses_is_asked_for_again():
+    question = Question(axis="load", intervals=(8, 12), starts=2)
+    row = {"intervals": [8, 12], "starts": ["2.1", "none"]}
+    assert question.searched_as(row) and question.searched_as({"meshes": [[8, 2.0], [12, 2.1]], "starts": ["2", "2"]})
+    assert not question.searched_as(row | {"intervals": [8]}) and not question.searched_as(row | {"starts": ["2.1"]})
 
 
 def test_python_asks_as_the_command_does():

@@ -10,6 +10,7 @@ from controller.common.errors import UserError
 from controller.limit.walk import Bounds, Kind, Motion, Phase
 
 APART = 0.1  # of the value, up to which meshes agree about it
+MOST_STEPS, MOST_INTERVALS, MOST_STARTS = 12, 100, 100  # a program with all of it takes hours
 IMPULSE_TIME = 0.01  # [s] over which an impulse is delivered, as in a scenario
 
 
@@ -90,6 +91,11 @@ class Question:
     def what(self) -> Axis:
         """The axis."""
         return AXES[self.axis]
+
+    def searched_as(self, row: dict[str, Any]) -> bool:
+        """Whether a row of a file of limits was found on these meshes, from as many guesses."""
+        meshes = row.get("intervals", [intervals for intervals, _ in row.get("meshes", ())])
+        return (tuple(meshes), len(row.get("starts", ()))) == (self.intervals, self.starts)
 
     @property
     def pushed_time(self) -> float | None:
@@ -175,11 +181,14 @@ class Question:
         """
         if self.axis not in AXES:
             raise UserError(f"{self.axis}: is no axis of cmpc limit; must be one of {', '.join(AXES)}")
-        if self.starts < 1 or not self.intervals or min(self.intervals) < 4:
+        meshes = self.intervals or (0,)
+        if not (1 <= self.starts <= MOST_STARTS and 4 <= min(meshes) and max(meshes) <= MOST_INTERVALS):
             raise UserError(
-                f"--starts {self.starts}, --intervals {' '.join(map(str, self.intervals))}: must be 1 or above, and "
-                "one or more whole numbers of 4 or above"
+                f"--starts {self.starts}, --intervals {' '.join(map(str, self.intervals))}: must be from 1 to "
+                f"{MOST_STARTS}, and one or more whole numbers from 4 to {MOST_INTERVALS}: the programs grow with them"
             )
+        if not 1 <= self.steps <= MOST_STEPS:
+            raise UserError(f"--steps {self.steps}: must be from 1 to {MOST_STEPS}: the program grows with them")
         if not (0.0 < self.friction <= 10.0 and 0.0 < self.torso <= 1.5 and 0.0 <= self.blind <= 1.0):
             raise UserError(
                 f"--friction {self.friction:g}, --torso {self.torso:g} rad, --blind {self.blind:g} s: must be above 0 "
@@ -286,6 +295,7 @@ class Answer:
             "at_bound": self.at_bound,
             "trusted": self.trusted,
             "sure": self.sure,
+            "intervals": list(question.intervals),
             "meshes": [list(pair) for pair in self.meshes.items()],
             "starts": ["none" if value is None else f"{value:.4g}" for value in self.starts],
             "step_times": [round(t, 4) for t in self.step_times],

@@ -99,7 +99,7 @@ def _run(found: Namespace) -> int:
     with stop_on_signal() as stop:
         for question in questions:
             there = kept.row_of(question.key()) if found.all else None
-            if there:  # of an earlier call that was interrupted
+            if there and question.searched_as(there):  # of an earlier call that was interrupted
                 if not found.json:
                     print(f"{there['words']}: {there['value']:.4g} {there['unit']}\n  {there['sure']}", flush=True)
                 continue
