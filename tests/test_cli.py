@@ -85,7 +85,7 @@ def test_without_arguments_the_default_scenario_runs_and_logs(run, capsys):
         "0.6",
         "0.0123",
     ]
-    for word in [*words, "median 0.50 ms", "1.20 x real time", "3 ticks", str(run.log)]:
+    for word in [*words, "median 0.500 ms", "1.20 x real time", "3 ticks", str(run.log)]:
         assert word in out
     assert err == ""
 

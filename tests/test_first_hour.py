@@ -337,7 +337,15 @@ def test_a_log_shows_itself(tmp_path):
     assert len(repr(log)) < 200 and "undisturbed, completed, 1 steps" in repr(log)
     shown = log._repr_html_()
     assert "walked all 1 steps" in shown and shown.count("<svg") == 4 and len(shown) < 300_000
-    assert "<script" not in shown and "1 in 0." in summary._repr_html_()
+    assert "<script" not in shown and "1 in 0." in summary._repr_html_() and "the fall with it" not in shown
+
+
+def test_a_log_of_a_fall_says_that_its_error_has_the_fall_in_it(tmp_path):
+    import sim
+
+    pushed = sim.with_values(sim.load("undisturbed"), {"pushes.0.force": 300.0, "pushes.0.step": 1, "steps": 2})
+    summary = sim.run(pushed, controller="zd-pd", log=tmp_path / "a.mcap")
+    assert summary.outcome == "fell" and " rad, the fall with it" in sim.read(summary.log)._repr_html_()
 
 
 def test_importing_the_face_loads_no_engine():

@@ -328,6 +328,7 @@ def test_what_lacks_something_is_refused_by_name(tmp_path, capsys, text, words):
         "import nowhere_at_all\n": ["ModuleNotFoundError", "line 1"],
         "def build(): pass\n": ["has no factory 'make'", "it has build"],
         "def make(model, wish): pass\n": ["asks for 'wish'", "model, gait"],
+        "async def make(): pass\n": ["factory make is async"],
         "def make(): return 3\n": ["gave 3", "reset(stance) and step(observation)"],
         "def make(): raise OSError('no weights')\n": ["OSError: no weights", "line 1"],
         "import sys; sys.exit(1)\n": ["ends the program"],

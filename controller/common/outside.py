@@ -253,6 +253,8 @@ def _of(kind: str, module: Any, name: str, file: Path | None, text: bytes) -> Ou
 
 
 def _outside(kind: str, factory: Any, file: Path | None, text: bytes) -> Outside:
+    if inspect.iscoroutinefunction(factory):
+        raise UserError(f"its factory {factory.__qualname__} is async; must be a plain one that returns a controller")
     taken, settings = _settings_of(factory)
     for field in dataclasses.fields(settings) if settings is not None else ():
         if field.default is field.default_factory is dataclasses.MISSING:

@@ -7,6 +7,7 @@ from typing import Any
 from controller.common import toml
 from sim.log.read.frames import Run, parsed
 from sim.log.tools.text import printable
+from sim.loop import Outcome
 from sim.pages import number
 from sim.scenario import Scenario, from_toml, load, settings_table, shipped
 
@@ -105,6 +106,7 @@ def description(scenario: Scenario) -> str:
 def summary(run: Run) -> list[tuple[str, str]]:
     """Figures of the run, name and text."""
     r = run.result
+    fall = ", the fall with it" * (r.get("outcome") == Outcome.FELL.value)
     rows = [
         ("steps", _text(r.get("steps"), "{:.0f}")),
         ("simulated time", _text(r.get("time_s"), "{:.3f} s")),
@@ -119,7 +121,7 @@ def summary(run: Run) -> list[tuple[str, str]]:
         rows.append((f"peak torque, {joint.replace('_', ' ')}", _text(peak, "{:.1f}") + limit + " N·m"))
     rows += [
         ("worst |F_T / F_N|", _text(r.get("friction_ratio_max"), "{:.3f}")),
-        ("output error, RMS", _text(r.get("output_error_rms_rad"), "{:.4f} rad")),
+        ("output error, RMS", _text(r.get("output_error_rms_rad"), "{:.4f} rad" + fall)),
         ("MPC torque / ZD+PD torque", _text(r.get("mpc_torque_share"), "{:.3f}")),
         ("solve time", _times(r.get("solve_ms"))),
         ("tick time", _times(r.get("tick_ms"))),
@@ -237,4 +239,4 @@ def _over(a: Any, b: Any) -> float | None:
 def _times(value: Any) -> str:
     if not isinstance(value, dict) or not value.get("max"):
         return "–"  # a law without a solver spends no time in one
-    return ", ".join(f"{printable(k, 20)} {_text(v, '{:.2f}')}" for k, v in value.items()) + " ms"
+    return ", ".join(f"{printable(k, 20)} {_text(v, '{:.3f}')}" for k, v in value.items()) + " ms"

@@ -90,4 +90,4 @@ def _times(milliseconds: dict[str, float]) -> str:
     known = {key: value for key, value in milliseconds.items() if value is not None and math.isfinite(value)}
     if not any(known.values()):
         return "-"  # a law without a solver spends no time in one
-    return ", ".join(f"{key} {value:.2f} ms" for key, value in known.items())
+    return ", ".join(f"{key} {value:.3f} ms" for key, value in known.items())
