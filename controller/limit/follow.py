@@ -12,8 +12,8 @@ from controller.limit import mechanics
 from controller.limit.walk import Motion, Phase, state_at
 
 GRID = 5e-3  # [s] of the regulator
-EFFORT = 2e-3  # weight on torques in [1/(N.m)^2]; 1 on angles in [1/rad^2]
-RATE = 0.05  # weight on rates in [s^2/rad^2]
+EFFORT = 2e-4  # weight on torques in [1/(N.m)^2]; 1 on angles in [1/rad^2]
+RATE = 0.2  # weight on rates in [s^2/rad^2]
 
 
 class Follower:
