@@ -11,6 +11,7 @@ import pinocchio as pin
 from controller.belief import kernels, urdf
 from controller.belief.lumped import H, Joints, lump
 from controller.belief.walker_file import BY_KIND, alike, equal, links_of, per_joint, pinocchio_of
+from controller.common.compiled import compiled
 from controller.common.records import Vector
 from controller.common.settings import Known
 
@@ -189,9 +190,8 @@ class WalkerModel:
 
     def swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
         """Swing foot from the stance foot: (p_2^h, p_2^v) in [m] and the rate of p_2^v in [m/s]; Eq. (4)."""
-        stage = kernels.new_stage()
-        kernels.place(q, dq, stage)
-        return kernels.swing_foot(self.lumped, stage)
+        foot: tuple[float, float, float] = _swing_foot(self.lumped, q, dq)
+        return foot
 
     def impact(self, q: Vector, dq: Vector) -> tuple[Vector, Vector]:
         """State after the rigid impact, relabelled so that the landed leg is the stance leg.
@@ -210,3 +210,10 @@ class WalkerModel:
         kernels.place(q_plus, dq_plus, stage)
         kernels.impact(self.lumped, q_plus, dq_plus, stage)
         return q_plus, dq_plus
+
+
+@compiled
+def _swing_foot(walker: kernels.Walker, q: Vector, dq: Vector) -> tuple[float, float, float]:
+    stage = kernels.new_stage()
+    kernels.place(q, dq, stage)
+    return kernels.swing_foot(walker, stage)

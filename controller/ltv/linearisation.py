@@ -30,6 +30,11 @@ class Derivatives(NamedTuple):
         force_u: dF/du in [1/m], (2, 4).
         P, R, D: Derivatives of the five link torques and the two force components by phi, dphi, ddphi, (7, 5); scratch.
         by_z: Derivatives of the same seven by z, (7, 10); scratch.
+        by_torque: The same five and two by phi under a held torque's acceleration, (7, 5); scratch.
+        columns: What that moves, a row a column of (y, theta), (5, 5); scratch.
+        links: Vectors of the five links, (5, 5); scratch.
+        outputs: Vectors of the four outputs, (6, 4); scratch.
+        sums: One number for each of the seven, (7,); scratch.
     """
 
     clock: Array
@@ -43,6 +48,11 @@ class Derivatives(NamedTuple):
     R: Array
     D: Array
     by_z: Array
+    by_torque: Array
+    columns: Array
+    links: Array
+    outputs: Array
+    sums: Array
 
 
 @compiled
@@ -51,7 +61,7 @@ def new_derivatives() -> Derivatives:
     e = np.empty
     return Derivatives(
         e(10), e(4), e((4, 4)), e((4, 5)), e((4, 10)), e((2, 10)), e((2, 4)), e((7, 5)), e((7, 5)), e((7, 5)),
-        e((7, 10)),
+        e((7, 10)), e((7, 5)), e((5, 5)), e((5, 5)), e((6, 4)), e(7),
     )  # fmt: skip
 
 
@@ -113,16 +123,16 @@ def by_links(walker: Walker, stage: kernels.Stage, P: Array, R: Array, D: Array)
 
 @nested
 def derive(loop: Loop, theta: float, dtheta: float, u_mpc: Array, stage: kernels.Stage, out: Derivatives) -> None:
-    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `closed_loop`."""
+    """All derivatives at the stage's state under ZD+PD and a held u_mpc (4,), after `motion.accelerate`."""
     walker, gait, gains = loop
     P, R, D, by_z = out.P, out.R, out.D, out.by_z
-    h3, Jh1, Jh2, Jacc = np.empty(4), np.empty(5), np.empty(5), np.empty(5)
-    PJ, RJ, DJ, Dj = np.empty(4), np.empty(4), np.empty(4), np.empty(7)
+    Jh1, Jh2, Jacc, Dj = out.links[0], out.links[1], out.links[2], out.sums
+    h3, rate, acceleration = out.outputs[0], out.outputs[1], out.outputs[2]
+    PJ, RJ, DJ = out.outputs[3], out.outputs[4], out.outputs[5]
     third_derivative(gait, theta, h3)
     ddtheta = clock_of(gait, stage.ddq)
     inverse = 1.0 / gait.clock[4]
     torso1, torso2, torso3 = inverse, 0.0, 0.0
-    rate, acceleration = np.empty(4), np.empty(4)
     for k in range(4):
         rate[k] = stage.h2[k] * dtheta
         acceleration[k] = h3[k] * dtheta * dtheta + stage.h2[k] * ddtheta
@@ -171,7 +181,6 @@ def derive(loop: Loop, theta: float, dtheta: float, u_mpc: Array, stage: kernels
             out.torque[i, DY + i] += per_rate
             out.torque[i, THETA] += per_rate * rate[i] + per_angle * stage.h1[i]
             out.torque[i, DTHETA] += per_rate * stage.h1[i]
-    kernels.factor_inertia(stage)
     kernels.responses(stage)
     kernels.stance_force_per_torque(walker, stage, out.force_u)
     for k in range(4):
@@ -197,7 +206,7 @@ def add_held_torque(
     walker: Walker, gait: GaitTable, u_mpc: Array, j: Array, stage: kernels.Stage, out: Derivatives
 ) -> None:
     """What the inertia's dependence on posture adds: D a = B u_mpc gives D a_z = -(D_phi phi_z) a."""
-    a = np.empty(5)  # link acceleration by u_mpc
+    a = out.links[3]  # acceleration by u_mpc
     clock_a = 0.0
     for i in range(5):
         a[i] = 0.0
@@ -205,7 +214,7 @@ def add_held_torque(
             a[i] += stage.link_BtDinv[k, i] * u_mpc[k]
     for k in range(4):
         clock_a += out.clock_u[k] * u_mpc[k]
-    change = np.empty((7, 5))  # of -D a and of the force, per link angle
+    change = out.by_torque  # of -D a and of the force, per link angle
     for i in range(5):
         own = 0.0
         for k in range(5):
@@ -221,8 +230,8 @@ def add_held_torque(
             change[5, i] -= walker.b_across[i] * stage.cos[i] * a[i]
             change[6, i] -= walker.b_across[i] * stage.sin[i] * a[i]
     by_z = out.by_z  # columns y, theta
-    ddq = np.empty(5)
-    x = np.empty((5, 5))  # a row a column of z
+    ddq = out.links[4]
+    x = out.columns
     for i in range(7):
         times_J(gait, change[i], by_z[i])
         by_z[i, 4] = 0.0

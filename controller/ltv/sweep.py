@@ -19,6 +19,8 @@ def backward(p: LtvProblem, s: LtvState) -> None:
     PB = np.empty((N_Z, 4))
     H = np.empty((4, 4))
     x = np.empty(4)
+    new_c = np.empty(N_Z)
+    gain = np.empty((N_Z, 4))
     for k in range(N - 1, -1, -1):
         A, B, K = p.AB[k, :, :N_Z], p.AB[k, :, N_Z:], s.K[k]
         for i in range(8):
@@ -57,7 +59,8 @@ def backward(p: LtvProblem, s: LtvState) -> None:
                     K[i, j] += v * PA[m, j]
                 for j in range(4):
                     H[i, j] += v * PB[m, j]
-        new_c = np.zeros(N_Z)
+        for j in range(N_Z):
+            new_c[j] = 0.0
         for m in range(N_Z):
             for j in range(N_Z):
                 new_c[j] += A[m, j] * c[m]
@@ -99,7 +102,6 @@ def backward(p: LtvProblem, s: LtvState) -> None:
             for i in range(4):
                 c[j] = new_c[j] if i == 0 else c[j]
                 c[j] += K[i, j] * x[i]
-        gain = np.empty((N_Z, 4))
         for j in range(N_Z):
             for i in range(4):
                 gain[j, i] = -K[i, j]
