@@ -123,7 +123,19 @@ def same(way, other):
 @pytest.mark.parametrize("plant", [RIGID, MUJOCO], ids=["rigid", "mujoco"])
 @pytest.mark.parametrize("changes", RIDES.values(), ids=RIDES)
 def test_a_ride_through_uneventful_ticks_gives_the_same_run(changes, plant, monkeypatch):
-    scenario, told = with_values(load("undisturbed"), plant | changes), []
+    rides_alike(with_values(load("undisturbed"), plant | changes), monkeypatch)
+
+
+@pytest.mark.parametrize("plant", [RIGID, MUJOCO], ids=["rigid", "mujoco"])
+@pytest.mark.parametrize("name", ["is pushed", "falls", "is seen late and noisily, its motors err", "falls at once"])
+def test_a_ride_of_c_mpc_goes_on_where_its_kernel_has_no_answer(name, plant, monkeypatch):
+    scenario = with_values(load("undisturbed"), plant | RIDES[name] | {"controller.kind": "c-mpc"})
+    summary = rides_alike(scenario, monkeypatch)
+    assert (summary.fallbacks > 50) == name.startswith("falls")  # ticks that diverge, or that no solver answers
+
+
+def rides_alike(scenario, monkeypatch):
+    told = []
     how = {"stop": Patient(lambda: None), "progress": lambda *what: told.append(what)}
     ridden = [
         walk(scenario, lambda controller: controller, frame_every=0),
@@ -137,6 +149,7 @@ def test_a_ride_through_uneventful_ticks_gives_the_same_run(changes, plant, monk
     assert in_the_ride == told
     for way in ridden:
         same(row_to_row, way)
+    return row_to_row[1]
 
 
 def broken_state(plant, controller):

@@ -314,6 +314,14 @@ def swing_foot(walker: Walker, stage: Stage) -> tuple[float, float, float]:
 
 
 @compiled
+def swing_foot_of(walker: Walker, q: Array, dq: Array) -> tuple[float, float, float]:
+    """The same of a state."""
+    stage = new_stage()
+    place(q, dq, stage)
+    return swing_foot(walker, stage)
+
+
+@compiled
 def impact(walker: Walker, q: Array, dq: Array, stage: Stage) -> None:
     """Rigid impact and leg exchange in place, x+ = Delta(x-) of Eq. (3), after `place`; places the new state.
 

@@ -11,7 +11,6 @@ import pinocchio as pin
 from controller.belief import kernels, urdf
 from controller.belief.lumped import H, Joints, lump
 from controller.belief.walker_file import BY_KIND, alike, equal, links_of, per_joint, pinocchio_of
-from controller.common.compiled import compiled
 from controller.common.records import Vector
 from controller.common.settings import Known
 
@@ -190,7 +189,7 @@ class WalkerModel:
 
     def swing_foot(self, q: Vector, dq: Vector) -> tuple[float, float, float]:
         """Swing foot from the stance foot: (p_2^h, p_2^v) in [m] and the rate of p_2^v in [m/s]; Eq. (4)."""
-        foot: tuple[float, float, float] = _swing_foot(self.lumped, q, dq)
+        foot: tuple[float, float, float] = kernels.swing_foot_of(self.lumped, q, dq)
         return foot
 
     def impact(self, q: Vector, dq: Vector) -> tuple[Vector, Vector]:
@@ -210,10 +209,3 @@ class WalkerModel:
         kernels.place(q_plus, dq_plus, stage)
         kernels.impact(self.lumped, q_plus, dq_plus, stage)
         return q_plus, dq_plus
-
-
-@compiled
-def _swing_foot(walker: kernels.Walker, q: Vector, dq: Vector) -> tuple[float, float, float]:
-    stage = kernels.new_stage()
-    kernels.place(q, dq, stage)
-    return kernels.swing_foot(walker, stage)

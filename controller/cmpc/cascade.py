@@ -4,13 +4,16 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controller.belief import Friction, Gains, Gait, Law, Loop, WalkerModel
 from controller.belief.friction import ROWS, UNLIMITED, cone, excess
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.stance import watch
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict, roll_out, within_reason
+from controller.common.clock import new_clock, now
 from controller.common.compiled import Array, compile_for, compiled, nested
+from controller.common.entry import Bound, bind
 from controller.common.held import Held, held
 from controller.common.products import applied
 from controller.common.records import (
@@ -95,6 +98,8 @@ class CascadedMpc(Law):
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""
         super().reset(stance)
         self.solver.reset()
+        if self._held is not None:
+            self._held.value.came_to[0] = NOTHING
 
     def step(self, observation: Observation) -> ControlStep:
         """One tick, as listed in Sec. III.D.
@@ -150,18 +155,32 @@ class CascadedMpc(Law):
             return
         parts, memory = self._parts(solver), self.stance.memory
         self._plan = None
-        ready = foresee(parts, memory, seen, i)
-        horizon, problem = parts.value.horizon, parts.value.problem
-        if ready:
+        horizon, problem, came_to = parts.value.horizon, parts.value.problem, parts.value.came_to
+        if came_to[0] == NOTHING:
+            came_to[0] = FORESEEN if foresee(parts, memory, seen, i) else DIVERGED
             started = time.perf_counter()
-            if settle(parts, memory, step, i):
+            if came_to[0] == FORESEEN and settle(parts, memory, step, i):
                 step["solve_s"][i] = time.perf_counter() - started
                 self._plan = CorrectedHorizon(horizon=horizon, u_mpc=solver.state.sweep.u)
+                came_to[0] = NOTHING
                 return
+        else:
+            started = time.perf_counter() - float(step["solve_s"][i])
+        if came_to[0] == FORESEEN:
             solution = solver.next_in_line(problem, started)
         else:
             solution = failed(self.N, Status.PREDICTION_DIVERGED)
+        came_to[0] = NOTHING
         self._write(step, i, self._concluded(self.stance.leg, horizon, solution))
+
+    def bound(self, seen: Rows, step: Rows) -> Bound | None:
+        """The kernel of a tick with an answer, with rows of these types; `decide` goes on where it has none."""
+        if type(self) is not CascadedMpc or not isinstance(self.solver, RiccatiSolver):
+            return None  # one that may do more
+        clock = new_clock()
+        if clock is None:
+            return None
+        return bind(tick, (self._parts(self.solver), Held(clock), self.stance.memory), (seen, step, 0))
 
     def plan(self) -> Plan | None:
         """What the last decision expects."""
@@ -175,13 +194,14 @@ class CascadedMpc(Law):
         self._plan = decided.plan
 
     def _parts(self, solver: RiccatiSolver) -> Held:
-        """All that a tick works on, kept for compiled code; anew where gait or solver have been."""
+        """All that a tick works on, kept for compiled code; anew where the gait has been."""
         held = self._held
-        if held is None or held.value.loop is not self.loop or held.value.state is not solver.state:
+        if held is None or held.value.loop is not self.loop:
             horizon, limit = new_horizon(self.N, self.T), self.model.torque_limits
             friction = UNLIMITED if self.friction is None else self.friction
             problem = build_problem(horizon, self.weights, limit, self.friction)
-            held = Held(Parts(self.loop, horizon, self.weights, limit, friction, problem, solver.state))
+            came_to = np.zeros(1, dtype=np.int64)
+            held = Held(Parts(self.loop, horizon, self.weights, limit, friction, problem, solver.state, came_to))
             self._held = held
         return held
 
@@ -192,8 +212,16 @@ def compile_foresight(law: Any) -> None:
     compile_for(foresee, law._parts(law.solver), law.stance.memory, seen, 0)
 
 
+NOTHING, FORESEEN, DIVERGED = range(3)
+"""How far `tick` has come that ended without a decision."""
+
+
 class Parts(NamedTuple):
-    """All that a tick works on."""
+    """All that a tick works on.
+
+    Attributes:
+        came_to: What `decide` is to go on from, (1,).
+    """
 
     loop: Loop
     horizon: Horizon
@@ -202,6 +230,7 @@ class Parts(NamedTuple):
     friction: Friction
     problem: StageQP
     state: State
+    came_to: NDArray[np.int64]
 
 
 OPTIMAL = list(Status).index(Status.OPTIMAL)
@@ -247,6 +276,22 @@ def settle(parts: Any, memory: Any, step: Any, i: int) -> bool:
     out.followed = 0.0
     out.status, out.stance, out.fallback = OPTIMAL, m.leg, 0
     return True
+
+
+@compiled
+def tick(parts: Any, clock: Any, memory: Any, seen: Any, step: Any, i: int) -> bool:
+    """Fill row `i` of `step` from that of `seen`; false where there is no answer yet, `came_to` then says why."""
+    came_to, time = held(parts).came_to, held(clock)
+    if not foresee(parts, memory, seen, i):
+        came_to[0] = DIVERGED
+        step[i].solve_s = 0.0
+        return False
+    started = now(time)
+    answered = settle(parts, memory, step, i)
+    step[i].solve_s = now(time) - started
+    if not answered:
+        came_to[0] = FORESEEN
+    return answered
 
 
 def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: Friction | None) -> StageQP:

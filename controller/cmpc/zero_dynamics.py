@@ -48,8 +48,8 @@ class Parts(NamedTuple):
 
 
 @compiled
-def decide(parts: Any, memory: Any, seen: Any, step: Any, i: int) -> None:
-    """Fill row `i` of `step` from that of `seen`: `zero_dynamics` without new memory."""
+def decide(parts: Any, memory: Any, seen: Any, step: Any, i: int) -> bool:
+    """Fill row `i` of `step` from that of `seen`: `zero_dynamics` without new memory. There is always a decision."""
     loop, q, dq, stage, force = held(parts)
     watch(memory, loop.walker, seen[i], q, dq)
     place(q, dq, stage)
@@ -68,6 +68,7 @@ def decide(parts: Any, memory: Any, seen: Any, step: Any, i: int) -> None:
     out.slack = out.solve_s = out.followed = 0.0
     out.impact_in, out.iterations, out.active = -1, 0, 0
     out.status, out.stance, out.fallback = ZD_PD, m.leg, 0
+    return True
 
 
 class ZeroDynamicsController(Law):

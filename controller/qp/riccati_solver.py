@@ -15,7 +15,7 @@ bits; the same bytes everywhere are what replay and the tests rest on.
 import dataclasses
 import time
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,13 +77,13 @@ class RiccatiSolver:
             r: Contact-force rows a stage.
             fallbacks: Tried in order where this one fails.
         """
-        self._N, self._r = N, r
+        self._N = N
         self._fallbacks = fallbacks
-        self.reset()
+        self.state = new_state(N, r)
 
     def reset(self) -> None:
-        """Forget the last tick."""
-        self.state = new_state(self._N, self._r)
+        """Forget the last tick; what is bound to `state` stays so."""
+        _clear(self.state)
 
     def solve(self, problem: StageQP) -> Solution:
         """Solve one tick's problem, starting from the answer to the last one."""
@@ -111,6 +111,14 @@ class RiccatiSolver:
                 elapsed = time.perf_counter() - started
                 return dataclasses.replace(solution, status=Status.SECOND_SOLVER, solve_s=elapsed)
         return failed(self._N, Status.NO_SOLUTION, time.perf_counter() - started)
+
+
+def _clear(arrays: Any) -> None:
+    for one in arrays:
+        if isinstance(one, tuple):
+            _clear(one)
+        else:
+            one[...] = 0
 
 
 def compile_kernels() -> None:

@@ -18,7 +18,7 @@ from sim.loop.law import Foreseen, rows_law
 from sim.loop.metrics import Metrics
 from sim.loop.outcome import FallReason, Outcome, RunSummary
 from sim.loop.pushes import Pushes
-from sim.loop.ride import CLOCK, FINE, LOOKED, ride, ride_of
+from sim.loop.ride import FINE, LOOKED, ride, ride_of
 from sim.loop.tape import Patient, Progress, Stop, Tape
 from sim.loop.ticks import STATUSES, Frame, Ticks
 
@@ -115,7 +115,7 @@ class Loop:
                 if interruption:
                     return Outcome.INTERRUPTED, FallReason.NONE, interruption
 
-                started = clock()
+                started = clock() - (tick_s[i] if ended == LOOKED else 0.0)
                 try:
                     law.decide(seen, step, i)
                     tick_s[i] = clock() - started
@@ -146,7 +146,7 @@ class Loop:
                 progress(judge.steps, float(state["t"][i - 1]))
             ended = FINE
             if riding:
-                row, ended, found = ride(riding, CLOCK, i, i + self._uneventful(k, i, progress))
+                row, ended, found = ride(riding, i, i + self._uneventful(k, i, progress))
                 k += row - i
                 self._whole, i = k, row
 

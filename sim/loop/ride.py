@@ -4,13 +4,12 @@ The kernels are those that the loop calls one by one, of any plant and any law t
 something to tell, the loop goes on from within that very tick.
 """
 
-import time
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
+from controller.common.clock import new_clock, now
 from controller.common.compiled import generic
 from controller.common.entry import Bound, call
 from controller.common.held import Held, held
@@ -22,7 +21,8 @@ from sim.loop.ticks import Ticks
 
 LONGEST = 0.02  # [s] of wall time from one look of Python's at the run to the next
 LOOKED, FINE = -1, 0
-"""How a ride ended: there is something to tell of a tick that waits for its decision; or as the last hold did."""
+"""How a ride ended: a tick waits for its decision, there is something to tell of it or the law's kernel came to none;
+or as the last hold did."""
 
 Flags = NDArray[np.bool_]
 
@@ -47,7 +47,7 @@ class RidingLaw(Protocol):
     """A law of which all that a tick needs is compiled."""
 
     def bound(self, seen: Rows, step: Rows) -> Bound | None:
-        """Kernel called as `decide(seen, step, i)`."""
+        """Kernel called as `decide(seen, step, i)`; false where that is left to `RowController.decide`."""
 
 
 class Parts(NamedTuple):
@@ -65,30 +65,29 @@ class Parts(NamedTuple):
     step: Any
     judged: Any
     tick_s: Any
-    time: Any
-    time_at: int
-
-
-CLOCK = getattr(time, "CLOCK_MONOTONIC", None)  # not on Windows, where the loop does all
-_clock_gettime: Any = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.intp))
+    clock: Any
 
 
 @generic
-def ride(parts: Any, clock: int, i: int, end: int) -> tuple[int, int, int]:
-    """Ticks from row `i` to before row `end`: the row it came to, how it ended there, what the judge has found."""
+def ride(parts: Any, i: int, end: int) -> tuple[int, int, int]:
+    """Ticks from row `i` to before row `end`: the row it came to, how it ended there, what the judge has found.
+
+    Of a tick that waits for its decision `tick_s` has what it has taken.
+    """
     p = held(parts)
     began = 0.0
     while i < end:
         call(p.look.entry, p.look.arguments, (p.state, p.seen, i))
         found = judging.look(p.judge, p.state, p.judged, i)
         if found != 0:
+            p.tick_s[i] = 0.0
             return i, LOOKED, found
-        _clock_gettime(clock, p.time_at)
-        started = p.time[0] + 1e-9 * p.time[1]
-        call(p.decide.entry, p.decide.arguments, (p.seen, p.step, i))
-        _clock_gettime(clock, p.time_at)
-        now = p.time[0] + 1e-9 * p.time[1]
-        p.tick_s[i] = now - started
+        started = now(p.clock)
+        decided = call(p.decide.entry, p.decide.arguments, (p.seen, p.step, i))
+        moment = now(p.clock)
+        p.tick_s[i] = moment - started
+        if not decided:
+            return i, LOOKED, 0
         if p.windows.shape[0] > 0:
             judge = p.judge[0]
             p.judged[i].pushed = act(p.windows, p.state[i].t, judge.steps + 1, judge.last_impact, p.acting)
@@ -98,7 +97,7 @@ def ride(parts: Any, clock: int, i: int, end: int) -> tuple[int, int, int]:
         i += 1
         if began == 0.0:
             began = started
-        elif now - began > LONGEST:
+        elif moment - began > LONGEST:
             break
     return i, FINE, 0
 
@@ -113,13 +112,13 @@ def ride_of(plant: Plant, controller: Controller, block: Ticks, pushes: Pushes, 
         pushes: That act.
         judge: Of the run.
     """
-    if CLOCK is None or not isinstance(plant, RidingPlant) or not isinstance(controller, RidingLaw):
+    clock = new_clock()
+    if clock is None or not isinstance(plant, RidingPlant) or not isinstance(controller, RidingLaw):
         return None
     ways = plant.bound(block.state, block.seen, block.step, pushes.acting)
     decide = controller.bound(block.seen, block.step)
     if ways is None or decide is None:
         return None
-    moment = np.zeros(2, dtype=np.int64)
     return Held(
         Parts(
             look=ways[0],
@@ -134,7 +133,6 @@ def ride_of(plant: Plant, controller: Controller, block: Ticks, pushes: Pushes, 
             step=block.step,
             judged=block.judged,
             tick_s=block.tick_s,
-            time=moment,
-            time_at=int(moment.__array_interface__["data"][0]),
+            clock=clock,
         )
     )
