@@ -12,7 +12,7 @@ import numpy as np
 from controller.belief import kernels
 from controller.belief.closed_loop import GaitTable, Loop, clock_of
 from controller.belief.kernels import Walker
-from controller.belief.linalg import cholesky5_solve
+from controller.belief.linalg import cholesky5_solve_all
 from controller.common.compiled import Array, compiled, nested
 from controller.ltv.coordinates import DTHETA, DY, N_Z, THETA, Y, times_J
 
@@ -31,7 +31,7 @@ class Derivatives(NamedTuple):
         P, R, D: Derivatives of the five link torques and the two force components by phi, dphi, ddphi, (7, 5); scratch.
         by_z: Derivatives of the same seven by z, (7, 10); scratch.
         by_torque: The same five and two by phi under a held torque's acceleration, (7, 5); scratch.
-        columns: What that moves, a row a column of (y, theta), (5, 5); scratch.
+        columns: How that moves the links, by (y, theta), (5, 5); scratch.
         links: Vectors of the five links, (5, 5); scratch.
         outputs: Vectors of the four outputs, (6, 4); scratch.
         sums: One number for each of the seven, (7,); scratch.
@@ -237,21 +237,25 @@ def add_held_torque(
         by_z[i, 4] = 0.0
         for k in range(5):
             by_z[i, 4] += change[i, k] * j[k]
+    for i in range(5):
+        for column in range(5):
+            x[i, column] = by_z[i, column]
+    cholesky5_solve_all(stage.L, x)
     for column in range(5):
         m = Y + column if column < 4 else THETA
+        moved = out.links[3]
         for i in range(5):
-            x[column, i] = by_z[i, column]
-        cholesky5_solve(stage.L, x[column])
+            moved[i] = x[i, column]
         tangential, normal = by_z[5, column], by_z[6, column]
         for i in range(5):
-            tangential -= walker.b[i] * stage.cos[i] * x[column, i]
-            normal -= walker.b[i] * stage.sin[i] * x[column, i]
+            tangential -= walker.b[i] * stage.cos[i] * moved[i]
+            normal -= walker.b[i] * stage.sin[i] * moved[i]
             if walker.extended:
-                tangential -= walker.b_across[i] * stage.sin[i] * x[column, i]
-                normal += walker.b_across[i] * stage.cos[i] * x[column, i]
+                tangential -= walker.b_across[i] * stage.sin[i] * moved[i]
+                normal += walker.b_across[i] * stage.cos[i] * moved[i]
         out.force[0, m] += tangential
         out.force[1, m] += normal
-        kernels.from_links(x[column], ddq)
+        kernels.from_links(moved, ddq)
         clock = clock_of(gait, ddq)
         out.clock[m] += clock
         for i in range(4):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from controller.belief.linalg import cholesky4, cholesky4_solve
+from controller.belief.linalg import cholesky4, cholesky4_solve, cholesky4_solve_all
 from controller.common.compiled import nested
 from controller.ltv.coordinates import DTHETA, N_Z, THETA
 from controller.ltv.problem import LtvProblem, LtvState
@@ -15,14 +15,14 @@ def backward(p: LtvProblem, s: LtvState) -> None:
     N, r = p.limits.shape
     P = np.zeros((N_Z, N_Z))
     c = np.zeros(N_Z)
-    PA = np.empty((N_Z, N_Z))
-    PB = np.empty((N_Z, 4))
+    PAB = np.empty((N_Z, N_Z + 4))  # P times A and B, side by side for the vector units
+    BPAB = np.empty((4, N_Z + 4))  # B' times that
     H = np.empty((4, 4))
     x = np.empty(4)
     new_c = np.empty(N_Z)
-    gain = np.empty((N_Z, 4))
+    gain = np.empty((4, N_Z))
     for k in range(N - 1, -1, -1):
-        A, B, K = p.AB[k, :, :N_Z], p.AB[k, :, N_Z:], s.K[k]
+        AB, A, B, K = p.AB[k], p.AB[k, :, :N_Z], p.AB[k, :, N_Z:], s.K[k]
         for i in range(8):
             P[i, i] += p.weight[k, i]
             c[i] += p.weight[k, i] * p.error[k, i]
@@ -34,31 +34,28 @@ def backward(p: LtvProblem, s: LtvState) -> None:
         c[THETA] -= q * slope * p.error[k, 8]
         c[DTHETA] += q * p.error[k, 8]
         for i in range(N_Z):
-            for j in range(N_Z):
-                PA[i, j] = 0.0
-            for j in range(4):
-                PB[i, j] = 0.0
+            for j in range(N_Z + 4):
+                PAB[i, j] = 0.0
             for m in range(N_Z):
                 v = P[i, m]
-                for j in range(N_Z):
-                    PA[i, j] += v * A[m, j]
-                for j in range(4):
-                    PB[i, j] += v * B[m, j]
+                for j in range(N_Z + 4):
+                    PAB[i, j] += v * AB[m, j]
         for i in range(4):
-            for j in range(N_Z):
-                K[i, j] = 0.0
-            for j in range(4):
-                H[i, j] = 0.0
-            H[i, i] = p.R[i]
+            for j in range(N_Z + 4):
+                BPAB[i, j] = 0.0
+            BPAB[i, N_Z + i] = p.R[i]
             x[i] = p.linear[k, i]
         for m in range(N_Z):
             for i in range(4):
                 v = B[m, i]
                 x[i] += v * c[m]
-                for j in range(N_Z):
-                    K[i, j] += v * PA[m, j]
-                for j in range(4):
-                    H[i, j] += v * PB[m, j]
+                for j in range(N_Z + 4):
+                    BPAB[i, j] += v * PAB[m, j]
+        for i in range(4):
+            for j in range(N_Z):
+                K[i, j] = BPAB[i, j]
+            for j in range(4):
+                H[i, j] = BPAB[i, N_Z + j]
         for j in range(N_Z):
             new_c[j] = 0.0
         for m in range(N_Z):
@@ -72,7 +69,7 @@ def backward(p: LtvProblem, s: LtvState) -> None:
                 v = A[m, i]
                 if v != 0.0:
                     for j in range(N_Z):
-                        P[i, j] += v * PA[m, j]
+                        P[i, j] += v * PAB[m, j]
         for q_row in range(r):
             if s.exceeded[k, q_row]:
                 rho, d = p.penalty[q_row], p.limits[k, q_row]
@@ -102,19 +99,19 @@ def backward(p: LtvProblem, s: LtvState) -> None:
             for i in range(4):
                 c[j] = new_c[j] if i == 0 else c[j]
                 c[j] += K[i, j] * x[i]
-        for j in range(N_Z):
-            for i in range(4):
-                gain[j, i] = -K[i, j]
-            cholesky4_solve(H, gain[j])
+        for i in range(4):
+            for j in range(N_Z):
+                gain[i, j] = -K[i, j]
+        cholesky4_solve_all(H, gain)
         for i in range(N_Z):
             for m in range(4):
                 v = K[m, i]
                 for j in range(N_Z):
-                    P[i, j] += v * gain[j, m]
+                    P[i, j] += v * gain[m, j]
         for i in range(4):
             s.k[k, i] = x[i]
             for j in range(N_Z):
-                K[i, j] = gain[j, i]
+                K[i, j] = gain[i, j]
 
 
 @nested
