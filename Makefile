@@ -50,6 +50,7 @@ docs: $(STAMP)  ## build the site of docs/ into site/, every link checked; draw 
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
 
 docs-test: $(STAMP)  ## run every command block and snippet of README and docs, and every example, some ten minutes
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e ".[dev,live,parquet,video]"
 	@$(BIN)/python tests/documents.py $(ARGS)
 	@$(BIN)/python -m pytest -m campaign tests/test_readme.py tests/test_examples.py
 
