@@ -1,6 +1,8 @@
 """Searches by yes and no on limit states with known answers; `make reliability-proof` is the long version."""
 
 import dataclasses
+import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -12,8 +14,8 @@ from sim.trials.reliability.certificate import Certificate, Verdict
 from sim.trials.reliability.differences import beta_difference, paired, probability_difference
 from sim.trials.reliability.draws import draw, normal_draws
 from sim.trials.reliability.nearest import Mode, nearest
-from sim.trials.reliability.probability import OWN, estimate, importance, interval, plain
-from sim.trials.reliability.sensitivity import sobol_of_margin
+from sim.trials.reliability.probability import OWN, Sample, estimate, importance, interval, plain
+from sim.trials.reliability.sensitivity import halving, sobol_of_margin
 from sim.trials.reliability.subset import subset
 from tests.reliability_proof import MOST, searched
 
@@ -124,6 +126,22 @@ def test_weights_are_unbiased_whatever_the_modes_are():
         sample, _ = answer(importance(5, modes, rng, variation=0.004, most=20_000), state.falls)
         assert np.mean(sample.weight) == pytest.approx(1.0, abs=0.1)
         assert np.mean(sample.weight * sample.fell) == pytest.approx(state.probability, rel=0.3)
+
+
+def test_an_interval_of_a_halved_spread_covers_the_truth_and_is_narrower_than_falls_alone_give():
+    state, axis, seeds = limit_states.linear(5, 0.5), 0, 400
+    part = float(limit_states._way(5)[axis])
+    share = NormalDist().cdf
+    truth = share(-0.5 / math.sqrt(1.0 - 0.75 * part**2)) - share(-0.5)
+    covered, ratios = 0, []
+    for seed in range(seeds):
+        u = np.random.default_rng(seed).normal(size=(150, 5))
+        fell = state.falls(u).astype(float)
+        _, low, high = halving(Sample(u=u, fell=fell, weight=np.ones(150), method="crude"), axis)
+        covered += low <= truth <= high
+        alone = fell * (2.0 * np.exp(-1.5 * u[:, axis] ** 2) - 1.0)
+        ratios.append((high - low) / (2.0 * 1.976 * alone.std(ddof=1) / math.sqrt(150)))
+    assert covered >= 0.93 * seeds and np.mean(ratios) < 0.9
 
 
 def test_an_interval_of_nothing_is_wide():
