@@ -17,6 +17,7 @@ from sim.trials.plan.plan import from_toml, load_plan
 from sim.trials.report.reliability_checks import crude_checks, repeats
 from sim.trials.report.reliability_findings import certificates, reliability_findings
 from sim.trials.report.reliability_section import beta_words
+from sim.trials.report.reliability_tables import errors, percent, quantity, signed
 from sim.trials.report.report import write_report
 from sim.trials.report.reviews import beside_of, log_of, review_of
 from sim.trials.report.summary import summarise
@@ -207,10 +208,27 @@ def test_a_study_says_how_far_what_of_and_how_probable(results, tmp_path):
     assert against.beta_interval[0] <= against.beta <= against.beta_interval[1]
     assert against.probability_interval[0] < -0.01 < against.probability_interval[1] + 0.2
     assert pd.margin.accuracy > 0.9 and pd.margin.total[:2] == pytest.approx([0.64, 0.36], abs=0.1)
-    assert pd.halves[0].value < pd.found.probability.value > pd.halves[1].value
+    assert pd.changes[0][0] < 0.0 > pd.changes[1][0]
     page = write_report(results, tmp_path).read_text()
-    assert "deviations" in page and f"zd-pd/{pd.sides[0].outside.trial}" in page
+    assert "deviations" in page and f"Trial that falls: zd-pd/{pd.sides[0].outside.trial}; that walks" in page
+    assert f"push {pd.sides[0].values[0]:.4g} N ({pd.sides[0].mode.outside[0]:+.2f})" in page
+    assert "reduce first: push (" in page and "0 of 10 means that at most 26 % of directions" in page
+    assert "share of falls is no probability" in page and "axis by axis" not in page
+    assert "share of falls is no probability" in (tmp_path / "breaks.html").read_text()
     assert "near: zd-pd: nearest fall at 1.5" in summarise(results)
+
+
+def test_a_page_says_what_one_deviation_is_in_the_units_of_the_machine():
+    correlated = PLAN.replace('pairs = ["push, bias"]', 'correlations = ["push, damping = -0.7"]')
+    for text in (PLAN, correlated):
+        rows = errors(Space(from_toml(text).reliability[0], Scenario()))
+        assert rows[:2] == [("push", "0", "8", "N"), ("damping", "1", "1.221", "")] and rows[3][1:] == (
+            "1",
+            "2",
+            "ticks",
+        )
+    assert [quantity(1.0, "ticks"), quantity(2.0, "ticks"), quantity(0.997, "ratio")] == ["1 tick", "2 ticks", "0.997"]
+    assert [signed(0.0), signed(0.4), signed(-0.00087)] == ["0", "+0.400", "-0.00087"] and percent(0.972) == "97 %"
 
 
 def test_a_search_that_ended_before_the_falls_it_saw_does_not_say_that_nothing_fell(tmp_path):

@@ -152,22 +152,17 @@ def plain(draws: Draws) -> Sample:
     return Sample(u=own.u, fell=own.fell, weight=np.ones(len(own.u)), method="crude")
 
 
-def estimate(sample: Sample, times: Array | None = None) -> Probability:
-    """The probability of a fall.
-
-    Args:
-        sample: Draws.
-        times: Ratio of another density to the plan's at each, (k,): the probability is then that under the other.
-    """
+def estimate(sample: Sample) -> Probability:
+    """The probability of a fall."""
     known = ~np.isnan(sample.fell)
     fell, k = sample.fell[known], int(known.sum())
     falls, unknown = int(fell.sum()), len(known) - k
-    if sample.method == "crude" and times is None:
+    if sample.method == "crude":
         low, high = _wilson(falls, k)
         return Probability(
             value=falls / max(k, 1), low=low, high=high, method="crude", draws=k, falls=falls, unknown=unknown
         )
-    y = sample.draws(sample.fell * sample.weight * (1.0 if times is None else times))
+    y = sample.draws(sample.fell * sample.weight)
     mean = float(y.mean()) if len(y) else 0.0
     low, high = interval(y)
     return Probability(value=mean, low=low, high=high, method=sample.method, draws=k, falls=falls, unknown=unknown)

@@ -10,9 +10,8 @@ from sim.trials.plan.axis import Value
 from sim.trials.reliability.asking import Array
 from sim.trials.reliability.differences import Difference, beta_difference, probability_difference
 from sim.trials.reliability.nearest import Mode
-from sim.trials.reliability.probability import Probability
 from sim.trials.reliability.procedure import Certified, Found
-from sim.trials.reliability.sensitivity import Sobol, halved, halving, importance, sobol, sobol_of_margin
+from sim.trials.reliability.sensitivity import Sobol, halving, importance, sobol, sobol_of_margin
 from sim.trials.reliability.space import Space
 from sim.trials.report.stats import wilson
 from sim.trials.run import Results, TrialResult
@@ -51,8 +50,7 @@ class Reliability:
         trials: Walks it took.
         sides: The nearest falls, nearest first.
         scales: Of each scale of all spreads: the scale, falls, draws, and the 95 % interval of the probability.
-        halves: By axis, the probability with half its spread.
-        changes: By axis, that less the probability as it is, and the ends of its 95 % interval.
+        changes: By axis, the probability with half its spread less that as it is, and the ends of its 95 % interval.
         sobol: Sobol' indices of the fall; None with too few falls or walks.
         margin: Sobol' indices of the least forward speed of the hip, 0 where it is less; None where not recorded.
     """
@@ -62,7 +60,6 @@ class Reliability:
     trials: int
     sides: tuple[Side, ...]
     scales: tuple[tuple[float, int, int, tuple[float, float]], ...]
-    halves: tuple[Probability, ...]
     changes: tuple[Difference, ...]
     sobol: Sobol | None
     margin: Sobol | None
@@ -156,7 +153,6 @@ def _of(results: Results, space: Space, controller: str, replay: Replay, found: 
         trials=len(u),
         sides=tuple(sides),
         scales=tuple(scales),
-        halves=tuple(halved(found.sample, axis) for axis in range(u.shape[1])),
         changes=tuple(halving(found.sample, axis) for axis in range(u.shape[1])),
         sobol=sobol(draws.u[near], draws.fell[near]),
         margin=sobol_of_margin(draws.u[told], np.maximum(margin[told], 0.0)),
@@ -184,7 +180,7 @@ def certificates(results: Results, study: CertificateStudy) -> dict[str, Certifi
     return {c: one if isinstance(one, Certified) else None for c, one in found.items()}
 
 
-def shares(importances: Array, names: Sequence[str], signs: Array, most: int = 5) -> list[tuple[str, float]]:
+def shares(importances: Array, names: Sequence[str], signs: Array, most: int) -> list[tuple[str, float]]:
     """The axes with the largest shares, signed deviations each, largest first."""
     order = np.argsort(-importances)[:most]
     return [(names[k], float(signs[k])) for k in order if importances[k] >= LEAST]

@@ -11,6 +11,10 @@ from sim.pages.picture import INK, picture
 from sim.trials.reliability.procedure import RADII
 from sim.trials.report.reliability_findings import LEAST, Reliability
 
+MARKERS = "osD^vPX*"
+"""Of controllers, in the plan's order."""
+BESIDE = 0.012  # between the intervals of neighbouring controllers, of all spreads
+
 if TYPE_CHECKING:
     from markupsafe import Markup
 
@@ -28,7 +32,7 @@ def plane(names: tuple[str, str], each: Sequence[Reliability], number: int) -> "
             angle = 2.0 * np.pi * np.arange(len(beta) + 1) / len(beta)
             r = np.array([*beta, beta[0]])
             r[~np.isfinite(r)] = math.nan
-            line = axes.plot(r * np.cos(angle), r * np.sin(angle), "o-", color=colour(place), markersize=3)[0]
+            line = axes.plot(r * np.cos(angle), r * np.sin(angle), _style(place), color=colour(place), markersize=3)[0]
             made.title(line, one.controller)
         axes.plot(0.0, 0.0, "+", color=INK)
         axes.set(xlim=(-edge, edge), ylim=(-edge, edge), aspect="equal")
@@ -46,9 +50,10 @@ def importance_bars(names: Sequence[str], one: Reliability, shade: str, most: in
         for row, k in enumerate(order):
             share, deviations = float(side.importance[k]), float(side.mode.outside[k])
             made.axes.barh(row, share, 0.7, color=shade)
-            made.axes.annotate(f" {share:.0%}, {deviations:+.2f} deviations", (share, row), va="center", color=GREY)
+            words = f"{100.0 * share:.0f} %, {deviations:+.2f} deviations"
+            made.axes.annotate(words, (share, row), (5, 0), textcoords="offset points", va="center", color=INK)
         made.axes.set_yticks(range(len(order)), [names[k] for k in order])
-        made.axes.set(xlim=(0.0, 1.4 * float(side.importance[order[0]])), ylim=(len(order) - 0.4, -0.6))
+        made.axes.set(xlim=(0.0, 1.4), ylim=(len(order) - 0.4, -0.6))
     return made.svg
 
 
@@ -56,14 +61,21 @@ def fragility(each: Sequence[Reliability]) -> "Markup":
     """Probability of a fall against the scale of all spreads, with 95 % intervals."""
     with picture("probability of a fall against the scale of all spreads", 420, 230) as made:
         for place, one in enumerate(each):
-            scale = [scale for scale, _, _, _ in one.scales]
+            scale = [scale + BESIDE * (place - 0.5 * (len(each) - 1)) for scale, _, _, _ in one.scales]
             share = [falls / max(known, 1) for _, falls, known, _ in one.scales]
             low, high = zip(*(interval for *_, interval in one.scales), strict=True)
             made.axes.vlines(scale, low, high, color=colour(place), alpha=0.4)
-            line = made.axes.plot(scale, share, "o-", color=colour(place), markersize=3.5)[0]
+            line = made.axes.plot(scale, share, _style(place), color=colour(place), markersize=3.5)[0]
             made.title(line, one.controller)
+        ticks = sorted({scale for one in each for scale, _, _, _ in one.scales})
+        made.axes.set_xticks(ticks, [f"{scale:g}" for scale in ticks])
         made.axes.set(
             ylim=(-0.02, 1.02), xlabel="all spreads [times those of the plan]", ylabel="share of walks that fall"
         )
         made.axes.grid(axis="y")
     return made.svg
+
+
+def _style(place: int) -> str:
+    """Marker and line of the controller at a place in the plan."""
+    return f"{MARKERS[place % len(MARKERS)]}-"

@@ -1,33 +1,28 @@
 """What a page says of a study of the nearest fall, each figure with a line on what it means."""
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 
-from sim.pages import link, number
 from sim.pages.palette import colour
 from sim.trials.plan import CertificateStudy, ReliabilityStudy
 from sim.trials.reliability.certificate import Verdict
-from sim.trials.reliability.probability import Probability
-from sim.trials.reliability.procedure import Certified
-from sim.trials.reliability.space import Space
+from sim.trials.reliability.nearest import WITHIN
+from sim.trials.reliability.probability import LEVEL, Probability
+from sim.trials.reliability.procedure import RADII, SPOKES, Certified
 from sim.trials.report import reliability_plots as plots
+from sim.trials.report import reliability_tables as tables
 from sim.trials.report.reliability_findings import (
-    LEAST,
     Reliability,
-    ReliabilityFindings,
-    Side,
     certificates,
     reliability_findings,
     shares,
 )
-from sim.trials.report.reviews import beside_of, log_of, review_of
+from sim.trials.report.reliability_tables import percent, probable
 from sim.trials.run import Results
-
-MOST_ROWS = 8  # axes of a table
 
 METHODS = {
     "importance": "importance sampling",
@@ -54,26 +49,45 @@ def reliability_section(results: Results, study: ReliabilityStudy, folder: Path)
         "steps": results.plan.scenario.steps,
         "colours": [(colour(place), one.controller) for place, one in enumerate(found.each)],
         "open": list(found.open),
-        "rows": [_row(one, names) for one in found.each],
+        "level": percent(LEVEL),
+        "rows": [
+            (one.controller, beta_words(one), *tables.nearest(one, found.space), _words(one), str(one.trials))
+            for one in found.each
+        ],
+        "errors": tables.errors(found.space),
+        "phi": _phi(found.each),
+        "within": f"{100.0 * WITHIN:g} %",
+        "looked": study.look,
+        "hidden": f"{_hidden(study.look):.2g}",
+        "modes": study.modes,
+        "reduce": [(one.controller, tables.reduce_first(one, names)) for one in found.each],
         "leads": [lead(one, names) for one in found.each],
-        "against": list(_against(found)),
+        "against": list(tables.against(found)),
         "reference": found.each[0].controller,
-        "points": [(one.controller, _modes(one, found.space, folder)) for one in found.each if one.sides],
+        "points": [(one.controller, tables.modes(one, found.space, folder)) for one in found.each if one.sides],
         "importance": [
             (one.controller, plots.importance_bars(names, one, colour(place)))
             for place, one in enumerate(found.each)
             if one.sides and one.found.beta > 0.0
         ],
         "fragility": plots.fragility(found.each),
+        "walks": [_walks(found.each, at_plan=at_plan) for at_plan in (True, False)],
         "planes": [plots.plane((names[i], names[j]), found.each, k) for k, (i, j) in enumerate(study.planes)],
-        "halves": [(one.controller, list(_halves(one, names))) for one in found.each],
+        "spokes": {"number": SPOKES, "radii": len(RADII), "furthest": f"{RADII[-1]:g}"},
+        "halves": [
+            (one.controller, probable(one.found.probability.value), tables.halves(one, names)) for one in found.each
+        ],
+        "axes": len(names),
+        "shown": min(tables.MOST_ROWS, len(names)),
+        "by_chance": f"{(1.0 - LEVEL) * len(names):.1g}",
+        "margins": any(one.margin for one in found.each),
         "sobol": [
             {
                 "name": one.controller,
-                "accuracy": f"{one.sobol.accuracy:.0%}" if one.sobol else "",
-                "guess": f"{one.sobol.guess:.0%}" if one.sobol else "",
-                "explained": f"{one.margin.accuracy:.0%}" if one.margin else "",
-                "rows": list(_sobol(one, names)),
+                "accuracy": percent(one.sobol.accuracy) if one.sobol else "",
+                "guess": percent(one.sobol.guess) if one.sobol else "",
+                "explained": percent(one.margin.accuracy) if one.margin else "",
+                "rows": list(tables.sobol(one, names, margins=any(other.margin for other in found.each))),
             }
             for one in found.each
             if one.sobol or one.margin
@@ -81,10 +95,32 @@ def reliability_section(results: Results, study: ReliabilityStudy, folder: Path)
     }
 
 
+def _words(one: Reliability) -> str:
+    return probability_words(one.found.probability)
+
+
+def _phi(each: Sequence[Reliability]) -> str:
+    """Phi(-distance) at the nearest distance of the study, and at 1 and 3 deviations, in words."""
+    found = {round(one.found.beta, 1) for one in each if one.sides and one.found.beta >= 0.05}
+    distances = sorted({min(found, default=1.0), 1.0, 3.0})
+    return ", ".join(f"{NormalDist().cdf(-d):.2g} at {d:g}" for d in distances)
+
+
+def _hidden(looked: int) -> float:
+    """Percent of directions that may hide a nearer fall if none of so many fell, at 95 %."""
+    return 100.0 * (1.0 - (1.0 - LEVEL) ** (1.0 / looked))
+
+
+def _walks(each: Sequence[Reliability], *, at_plan: bool) -> str:
+    """How many walks a point of the fragility curve is from, at the plan's spreads or at others."""
+    known = {known for one in each for scale, _, known, _ in one.scales if (scale == 1.0) == at_plan}
+    return f"{min(known)}" + (f" to {max(known)}" if len(known) > 1 else "") if known else ""
+
+
 def probability_words(p: Probability) -> str:
     """A probability with its interval and how it was found."""
     how = f"{p.falls} of {p.draws} draws" if p.method == "crude" else f"{METHODS[p.method]}, {p.draws} walks"
-    words = f"{p.value:.2g} (95 %: {p.low:.2g} to {p.high:.2g}; {how})"
+    words = f"{probable(p.value)} (95 %: {probable(p.low)} to {probable(p.high)}; {how})"
     return words + (f"; {p.unknown} without a result" if p.unknown else "")
 
 
@@ -96,7 +132,7 @@ def beta_words(one: Reliability) -> str:
         fell = one.found.draws.fell[one.found.draws.scale == 1.0]
         return f"not found in {one.found.nearest.tried} walks of the search" if np.nansum(fell) else "no fall found"
     if one.found.beta == 0.0:
-        return "0: it falls with nothing wrong at all"
+        return "0: it falls with every error at its middle"
     return f"{one.found.beta:.2f}"
 
 
@@ -105,8 +141,11 @@ def lead(one: Reliability, names: Sequence[str]) -> str:
     words = f"nearest fall at {beta_words(one)}" if one.sides else beta_words(one)
     if one.sides and one.found.beta > 0.0:
         side = one.sides[0]
-        made = ", ".join(f"{name} {value:+.2f}" for name, value in shares(side.importance, names, side.mode.outside))
-        words += f" deviations ({made}; {side.outside.cause or side.outside.why})"
+        made = ", ".join(
+            f"{name} {value:+.2f}"
+            for name, value in shares(side.importance, names, side.mode.outside, tables.MOST_MADE)
+        )
+        words += f" deviations ({made}; first symptom: {side.outside.cause or side.outside.why})"
     return f"{words}; P of a fall {probability_words(one.found.probability)}; {one.trials} walks"
 
 
@@ -127,97 +166,3 @@ def certificate_section(results: Results, study: CertificateStudy) -> dict[str, 
     """What a certificate says of each controller."""
     said = certificates(results, study)
     return {"kind": "certificate", "rows": [(name, certificate_words(study, one)) for name, one in said.items()]}
-
-
-def _row(one: Reliability, names: Sequence[str]) -> tuple[str, ...]:
-    p, near = one.found.probability, one.found.nearest
-    made = "-"
-    if one.sides and one.found.beta > 0.0:
-        side = one.sides[0]
-        made = ", ".join(f"{name} {value:+.2f}" for name, value in shares(side.importance, names, side.mode.outside, 3))
-    looked = f"{near.fell} of {near.looked}" if near.looked else "-"
-    return one.controller, beta_words(one), made, looked, probability_words(p), str(one.trials)
-
-
-def _against(found: ReliabilityFindings) -> Iterator[tuple[str, ...]]:
-    for one in found.against:
-        low, high = one.beta_interval
-        p_low, p_high = one.probability_interval
-        beta = (
-            f"{one.beta:+.2f} ({low:+.2f} to {high:+.2f})"
-            if math.isfinite(high - low)
-            else "no nearest fall found of one of them"
-        )
-        yield one.controller, beta, f"{one.probability:+.3g} ({p_low:+.3g} to {p_high:+.3g})"
-
-
-def _modes(one: Reliability, space: Space, folder: Path) -> list[dict[str, Any]]:
-    return [
-        {
-            "beta": f"{side.mode.beta:.3f}",
-            "cause": side.outside.cause or side.outside.why,
-            "inside": f"{one.controller}/{side.inside.trial}" if side.inside else "",
-            "outside": f"{one.controller}/{side.outside.trial}",
-            "links": list(_links(side, folder)),
-            "film": _film(side, folder),
-            "rows": list(_point(side, space)),
-        }
-        for side in one.sides
-    ]
-
-
-def _links(side: Side, folder: Path) -> Iterator[Any]:
-    """Reviews and the film of the walk just inside and of the fall, those that have been made."""
-    made = [("the fall", review_of(side.outside))]
-    if side.inside:
-        made = [
-            ("the walk just inside", review_of(side.inside)),
-            *made,
-            ("both, one beside the other", beside_of(side.inside, side.outside)),
-            ("film of both", beside_of(side.inside, side.outside, ".gif")),
-        ]
-    return (link(path, words) for words, path in made if (folder / path).exists())
-
-
-def _film(side: Side, folder: Path) -> str:
-    """The command that makes the film of the walk just inside and of the fall, once they have their logs."""
-    if side.inside is None:
-        return ""
-    paths = (log_of(side.inside), log_of(side.outside), beside_of(side.inside, side.outside, ".gif"))
-    return "cmpc video " + " ".join(str(folder / path) for path in paths) + " --slow 0.25"
-
-
-def _point(side: Side, space: Space) -> Iterator[tuple[str, ...]]:
-    order = sorted(range(len(space.names)), key=lambda k: -side.importance[k])[:MOST_ROWS]
-    for k in order:
-        if side.importance[k] < LEAST and side.mode.beta > 0.0:
-            break
-        value, unit = side.values[k], space.units[k]
-        words = value if isinstance(value, str) else number(value)
-        share = f"{side.importance[k]:.0%}" if side.mode.beta > 0.0 else "-"
-        yield space.names[k], f"{words} {unit if unit != '1' else ''}".strip(), f"{side.mode.outside[k]:+.2f}", share
-
-
-def _halves(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    p = one.found.probability
-    order = sorted(range(len(names)), key=lambda k: one.halves[k].value)[:MOST_ROWS]
-    for k in order:
-        half, (_, low, high) = one.halves[k], one.changes[k]
-        told = "yes" if high < 0.0 else "no: more falls" if low > 0.0 else "not told"
-        yield (
-            names[k],
-            f"{p.value:.2g}",
-            f"{half.value:.2g}",
-            f"{half.low:.2g} to {half.high:.2g}",
-            f"{low:+.2g} to {high:+.2g}",
-            told,
-        )
-
-
-def _sobol(one: Reliability, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Rows of both indices of the fall and of the least margin, the largest total first."""
-    both = (one.sobol, one.margin)
-    largest = np.max([found.total for found in both if found], axis=0)
-    for k in np.argsort(-largest, kind="stable")[:MOST_ROWS]:
-        figures = [(found.first[k], found.total[k]) if found else None for found in both]
-        yield names[k], *(f"{part:.2f}" if pair else "-" for pair in figures for part in pair or (0.0, 0.0))

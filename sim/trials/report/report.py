@@ -33,6 +33,8 @@ REPORT, BREAKS = "report.html", "breaks.html"
 FALLS = "falls.html"
 """Page of the falls that were run again, where they have been."""
 MOST_FALLS = 100  # rows of the list of falls
+SOUGHT = "Most were sent to the edge of falling on purpose: their share of falls is no probability."
+"""Of trials that a search for the nearest fall asked for."""
 
 
 def write_report(results: Results, folder: Path) -> Path:
@@ -107,6 +109,8 @@ def _report(results: Results, folder: Path) -> str:
         description=plan.description,
         keys=keys,
         about=f"{done} trials, seed {plan.seed}. {_criteria(results)}",
+        sought=_sought(results),
+        sided=any(isinstance(study, MarginStudy) for study in plan.studies),
         unfinished=bool(pending(plan, results.store)),
         breaks=BREAKS,
         controllers=plan.controllers,
@@ -133,6 +137,7 @@ def _breaks(results: Results) -> str:
         "breaks.html",
         title=f"{results.plan.name}: what breaks",
         back=REPORT,
+        sought=_sought(results),
         rule=RULE,
         share=SHARE,
         symptoms=SYMPTOMS,
@@ -140,6 +145,11 @@ def _breaks(results: Results) -> str:
         controllers=results.plan.controllers,
         studies=list(breaks(results)),
     )
+
+
+def _sought(results: Results) -> str:
+    """What the share of falls among all trials does not say, where a search chose them."""
+    return SOUGHT if any(isinstance(study, ReliabilityStudy) and study.modes for study in results.plan.studies) else ""
 
 
 def _criteria(results: Results) -> str:
