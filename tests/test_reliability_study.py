@@ -17,7 +17,7 @@ from sim.trials.plan.plan import from_toml, load_plan
 from sim.trials.report.reliability_checks import crude_checks, repeats
 from sim.trials.report.reliability_findings import certificates, reliability_findings
 from sim.trials.report.reliability_section import beta_words
-from sim.trials.report.reliability_tables import errors, percent, quantity, signed
+from sim.trials.report.reliability_tables import errors, percent, probable, quantity, signed
 from sim.trials.report.report import write_report
 from sim.trials.report.reviews import beside_of, log_of, review_of
 from sim.trials.report.summary import summarise
@@ -229,6 +229,7 @@ def test_a_page_says_what_one_deviation_is_in_the_units_of_the_machine():
         )
     assert [quantity(1.0, "ticks"), quantity(2.0, "ticks"), quantity(0.997, "ratio")] == ["1 tick", "2 ticks", "0.997"]
     assert [signed(0.0), signed(0.4), signed(-0.00087)] == ["0", "+0.400", "-0.00087"] and percent(0.972) == "97 %"
+    assert [probable(p) for p in (0.0, 0.4, 0.00123, 1.0)] == ["0", "0.40", "0.0012", "1"]
 
 
 def test_a_search_that_ended_before_the_falls_it_saw_does_not_say_that_nothing_fell(tmp_path):

@@ -60,7 +60,9 @@ def reliability_section(results: Results, study: ReliabilityStudy, folder: Path)
         "looked": study.look,
         "hidden": f"{_hidden(study.look):.2g}",
         "modes": study.modes,
-        "reduce": [(one.controller, tables.reduce_first(one, names)) for one in found.each],
+        "reduce": [
+            (one.controller, tables.reduce_first(one, names)) for one in found.each if one.found.probability.value > 0.0
+        ],
         "leads": [lead(one, names) for one in found.each],
         "against": list(tables.against(found)),
         "reference": found.each[0].controller,

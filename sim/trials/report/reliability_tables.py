@@ -21,7 +21,7 @@ SINGULAR = {"ticks": "tick", "steps": "step"}
 
 def probable(p: float) -> str:
     """A probability in two digits."""
-    return f"{p:#.2g}"
+    return f"{p:#.2g}" if 0.0 < p < 1.0 else f"{p:g}"
 
 
 def signed(difference: float) -> str:
