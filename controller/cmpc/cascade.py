@@ -11,9 +11,9 @@ from controller.belief.friction import ROWS, UNLIMITED, cone, excess
 from controller.belief.kernels import N_Q, N_U
 from controller.belief.stance import watch
 from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict, roll_out, within_reason
-from controller.common.clock import new_clock, now
+from controller.common.clock import Clock, new_clock, now
 from controller.common.compiled import Array, compile_for, compiled, nested
-from controller.common.entry import Bound, bind
+from controller.common.entry import Bound, bind, call
 from controller.common.held import Held, held
 from controller.common.products import applied
 from controller.common.records import (
@@ -180,7 +180,10 @@ class CascadedMpc(Law):
         clock = new_clock()
         if clock is None:
             return None
-        return bind(tick, (self._parts(self.solver), Held(clock), self.stance.memory), (seen, step, 0))
+        parts = self._parts(self.solver)
+        own = parts, self.stance.memory
+        halves = Halves(bind(foresee, own, (seen, 0)), bind(settle, own, (step, 0)), parts.value.came_to, clock)
+        return bind(tick, (Held(halves),), (seen, step, 0))
 
     def plan(self) -> Plan | None:
         """What the last decision expects."""
@@ -278,19 +281,28 @@ def settle(parts: Any, memory: Any, step: Any, i: int) -> bool:
     return True
 
 
+class Halves(NamedTuple):
+    """What `tick` works on: both kernels as values, which are compiled for Python, too, and need not be once more."""
+
+    foresee: Bound
+    settle: Bound
+    came_to: NDArray[np.int64]
+    clock: Clock
+
+
 @compiled
-def tick(parts: Any, clock: Any, memory: Any, seen: Any, step: Any, i: int) -> bool:
+def tick(halves: Any, seen: Any, step: Any, i: int) -> bool:
     """Fill row `i` of `step` from that of `seen`; false where there is no answer yet, `came_to` then says why."""
-    came_to, time = held(parts).came_to, held(clock)
-    if not foresee(parts, memory, seen, i):
-        came_to[0] = DIVERGED
+    p = held(halves)
+    if not call(p.foresee.entry, p.foresee.arguments, (seen, i)):
+        p.came_to[0] = DIVERGED
         step[i].solve_s = 0.0
         return False
-    started = now(time)
-    answered = settle(parts, memory, step, i)
-    step[i].solve_s = now(time) - started
+    started = now(p.clock)
+    answered: bool = call(p.settle.entry, p.settle.arguments, (step, i))
+    step[i].solve_s = now(p.clock) - started
     if not answered:
-        came_to[0] = FORESEEN
+        p.came_to[0] = FORESEEN
     return answered
 
 
