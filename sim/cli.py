@@ -7,6 +7,7 @@ in `COMMANDS`. It adds its parser and gives it, as the default of `run`, what th
 import atexit
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -57,13 +58,19 @@ EXIT_INTERRUPTED = 130
 
 def entry_point() -> None:
     """Console script `cmpc`."""
-    code = with_output(lambda: main(sys.argv[1:]))
+    code = with_output(_all_but_the_end)
     if code != EXIT_INTERRUPTED:
         sys.exit(code)
     # Python would end itself by the signal where Ctrl-C met code that a library runs, and lose the exit code.
     atexit._run_exitfuncs()
     sys.stderr.flush()
     os._exit(code)
+
+
+def _all_but_the_end() -> int:
+    code = main(sys.argv[1:])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done, and Python on its way out would end by the signal
+    return code
 
 
 def main(argv: Sequence[str]) -> int:

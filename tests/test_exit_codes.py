@@ -57,3 +57,13 @@ def test_nobody_reads_or_nothing_can_be_written(words: list[str]) -> None:
         assert done.returncode == code and len(spoken(done.stderr)) == lines, done.stderr
     closed = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, preexec_fn=lambda: os.close(1))
     assert closed.returncode == 0 and spoken(closed.stderr) == []
+
+
+def test_ctrl_c_after_the_last_word_takes_no_exit_code_away():
+    for delay in (0.0, 0.005, 0.01, 0.02):
+        words = [sys.executable, "-m", "sim", "--version"]
+        with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as done:
+            assert done.stdout.readline().strip()
+            time.sleep(delay)
+            done.send_signal(signal.SIGINT)
+            assert (done.communicate(timeout=60)[1], done.returncode) == ("", 0)
