@@ -18,6 +18,7 @@ from sim.runner import child
 START_LIMIT = 120.0  # [s] for a template to import what it needs
 WARM_LIMIT = 600.0  # [s] to compile everything, on a busy machine
 REAP_LIMIT = 60.0  # [s]
+ENDING = 0.5  # [s] a process may take to end once its socket is closed
 SLICE = 0.1  # [s] between looks at the clock
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Each worker has a processor to itself: two libraries with two threads each would be in each other's way."""
@@ -145,7 +146,7 @@ class Nursery:
                 self._control.close()
             if self._template is not None:
                 try:
-                    self._template.wait(timeout=1.0)
+                    self._template.wait(timeout=ENDING)
                 except subprocess.TimeoutExpired:
                     self._template.kill()
                     self._template.wait()

@@ -18,13 +18,12 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Self
 
 from sim.errors import UserError
-from sim.runner.nursery import nursery
+from sim.runner.nursery import ENDING, nursery
 
 AT_HAND = 2  # jobs of a worker, the one it is at included
 AHEAD = 1 << 14  # [B] an argument that is sent ahead; it lies in the socket while the worker sends a long result
 SLICE = 0.1  # [s] between looks at the clock
 PREPARE_LIMIT = 600.0  # [s] for what a job needs before its own clock starts, such as compiling
-ENDING = 1.0  # [s] a worker may take to end once its socket is closed
 MOST_LOST = 5  # workers in a row that may end before they are ready, before no more are started
 
 
@@ -252,8 +251,11 @@ class Pool:
 
     def close(self) -> None:
         """End all workers at once, whatever they are at."""
+        until = time.monotonic() + ENDING
+        for worker in self._workers:
+            worker.link.close()
         for worker in list(self._workers):
-            self._remove(worker, 0.0 if worker.jobs else ENDING)
+            self._remove(worker, 0.0 if worker.jobs else max(0.0, until - time.monotonic()))
 
     def __enter__(self) -> Self:
         return self
