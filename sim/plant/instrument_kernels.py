@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from controller.common.compiled import Array, compiled, generic
 from controller.common.entry import Bound, call
 from controller.common.held import Held, held
-from sim.interface import OBSERVATION, Rows
+from sim.interface import Rows
 
 N, JOINTS = 5, 4
 TORSO = 4
@@ -88,11 +88,6 @@ class Around(NamedTuple):
 
     plant: Bound
     instrument: Held
-
-
-def readings(latency: int) -> Rows:
-    """Room for the readings of a latency in ticks."""
-    return np.zeros(latency + 1, OBSERVATION)
 
 
 @compiled

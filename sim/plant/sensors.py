@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from controller.common.held import Held
-from sim.interface import Rows
-from sim.plant.instrument_kernels import SENSING, Sensing, readings, sense
+from sim.interface import OBSERVATION, Rows
+from sim.plant.instrument_kernels import SENSING, Sensing, sense
 from sim.scenario import SensorSettings
 from sim.scenario import per_link as tables
 from sim.scenario.randomness import Purpose, stream
@@ -63,7 +63,7 @@ class Sensors:
                     noisy=noisy,
                     chances=np.zeros((rows if self._settings.contact_dropout else 0, 2)),
                     flags=np.zeros((self._settings.contact_delay + 1, 2), dtype=np.int8),
-                    readings=readings(self._settings.latency),
+                    readings=np.zeros(self._settings.latency + 1, OBSERVATION),
                 )
             )
             self._draw()
