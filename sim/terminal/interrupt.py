@@ -12,9 +12,15 @@ DEAF = (
     "ExecutionEngine._raw_object_cache_notify",  # what LLVM calls when llvmlite has compiled a kernel
     "ExtensionFileLoader.create_module",
     "ExtensionFileLoader.exec_module",
+    "_DispatcherBase.typeof_pyval",  # what Numba's dispatcher calls for a type it has not met
+    "_numba_unpickle",  # and compiled code, for the class of a record that it returns
     "clarabel_solve_problem",  # Clarabel asks for signals while it solves, and takes an exception for its own end
 )
-"""Functions under which an exception gets lost on its way through compiled code, or becomes another."""
+"""Functions under which an exception gets lost on its way through compiled code, or becomes another.
+
+Compiled code makes its records, too; what makes one is a nameless function in a module of its own (`RECORD`).
+"""
+RECORD = "namedtuple_"  # how the name of that module begins, in every Python since 3.7
 
 
 class StopRequest:
@@ -53,6 +59,10 @@ def stop_on_signal() -> Iterator[StopRequest]:
             signal.signal(signum, handler)
 
 
+def _is_deaf(frame: FrameType) -> bool:
+    return frame.f_code.co_qualname in DEAF or frame.f_globals.get("__name__", "").startswith(RECORD)
+
+
 def _interrupt(frame: FrameType, event: str, argument: object) -> None:
     """What a frame is traced with that is to be interrupted where it goes on."""
     sys.settrace(None)
@@ -71,7 +81,7 @@ def hearing_ctrl_c() -> Iterator[None]:
     def handle(signum: int, frame: FrameType | None) -> None:
         caller = None  # of the outermost such call
         while frame is not None:
-            if frame.f_code.co_qualname in DEAF:
+            if _is_deaf(frame):
                 caller = frame.f_back
             frame = frame.f_back
         if caller is None:
