@@ -20,12 +20,14 @@ from spoken import spoken
 
 from sim import cli
 from sim.errors import UserError
+from sim.scenario import Scenario
 from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import differences, from_toml, shipped_names, to_toml
 from sim.trials.report import report
 from sim.trials.report.findings import random_findings, sides
 from sim.trials.run import Results, TrialResult, TrialSpec, run_plan, run_trial, workers
 from sim.trials.run.folder import FILE
+from sim.trials.run.origin import origin
 from sim.trials.run.recall import open_results, stored_scenario
 from sim.trials.run.result import result_without_times
 from sim.trials.run.store import Store
@@ -414,6 +416,20 @@ def test_an_edited_gait_is_another_origin(tmp_path: Path) -> None:
     gait.write_text(text + "# edited")
     with pytest.raises(UserError, match=r"file .*paper\.toml: \w+ -> \w+"):
         run_plan(one, tmp_path / "out", workers=1)
+
+
+def test_results_are_added_to_from_a_program_and_a_walker_that_were_moved(tmp_path: Path) -> None:
+    origins = []
+    for place in ("before", "after"):
+        shutil.copytree(Path(__file__).parent.parent / "models/rabbit", tmp_path / place / "rabbit")
+        law = tmp_path / place / "law.py"
+        law.write_text("def make(walker, settings):\n    raise NotImplementedError\n")
+        scenario = dataclasses.replace(Scenario(), walker=str(tmp_path / place / "rabbit"))
+        origins.append(origin(scenario, f"{law}:make"))
+    assert origins[0] == origins[1]
+    assert {"rabbit/rabbit.xml", "rabbit/rabbit.urdf", "rabbit/gaits/paper.toml", "law.py"} == {
+        *json.loads(origins[0])["files"]
+    }
 
 
 def _fewer(axis):

@@ -31,10 +31,10 @@ def origin(scenario: Scenario, controller: str) -> str:
 
 def _facts(scenario: Scenario, controller: str) -> dict[str, Any]:
     try:
-        files = {str(path): _digest(path) for path in _files(scenario)}
+        files = _files(scenario)
         if controller not in BUILT_IN:
             file, text = outside.source_of(controller)
-            files[str(file or controller)] = hashlib.sha256(text).hexdigest()[:16]
+            files[file.name if file else controller] = hashlib.sha256(text).hexdigest()[:16]
     except (ValueError, OSError):  # every trial will say what is missing
         files = {}
     return {
@@ -45,11 +45,17 @@ def _facts(scenario: Scenario, controller: str) -> dict[str, Any]:
     }
 
 
-def _files(scenario: Scenario) -> Iterable[Path]:
+def _files(scenario: Scenario) -> dict[str, str]:
+    """Digests of the files a scenario reads, by names that hold wherever its walker and the program stand."""
     files = ModelFiles.of(scenario)
+    home = files.mjcf.parent
     fits = scenario.controller.gait_fitting.enabled
-    yield from files.read if fits else (files.mjcf, files.urdf, files.gait)
-    yield from _included(files.mjcf)
+    read = [*(files.read if fits else (files.mjcf, files.urdf, files.gait)), *_included(files.mjcf)]
+
+    def name(path: Path) -> str:
+        return path.relative_to(home.parent).as_posix() if path.is_relative_to(home) else path.name
+
+    return {name(path): _digest(path) for path in read}
 
 
 def _included(model: Path) -> Iterable[Path]:
