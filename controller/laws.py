@@ -12,7 +12,7 @@ import numpy as np
 from controller.belief import Friction, Gains, Gait, Law, StanceEstimator, WalkerModel, load_gait
 from controller.belief.friction import PENALTY, ROWS, UNLIMITED
 from controller.cmpc import CascadedMpc, ZeroDynamicsController
-from controller.cmpc.cascade import Weights
+from controller.cmpc.program import Weights
 from controller.common import outside
 from controller.common.records import Controller
 from controller.common.settings import BUILT_IN, ControllerSettings

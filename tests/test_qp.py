@@ -6,7 +6,7 @@ import pytest
 
 from controller.belief import Friction
 from controller.cmpc import predict
-from controller.cmpc.cascade import Weights, build_problem
+from controller.cmpc.program import Weights, build_problem
 from controller.common.errors import UserError
 from controller.common.records import Leg, StanceState
 from controller.qp import StageQP, make_solver

@@ -9,7 +9,7 @@ import pytest
 from controller.belief import Friction
 from controller.belief.friction import ROWS
 from controller.cmpc import CascadedMpc, predict
-from controller.cmpc.cascade import Weights, build_problem
+from controller.cmpc.program import Weights, build_problem
 from controller.common.records import Leg, StanceState
 from controller.qp import make_solver
 from controller.qp import riccati_solver as structured

@@ -1,20 +1,19 @@
 """C-MPC: a second layer that corrects ZD+PD where it errs, saturates or would slip."""
 
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from controller.belief import Friction, Gains, Gait, Law, Loop, WalkerModel
-from controller.belief.friction import ROWS, UNLIMITED, cone, excess
-from controller.belief.kernels import N_Q, N_U
-from controller.belief.stance import watch
-from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict, roll_out, within_reason
-from controller.common.clock import Clock, new_clock, now
-from controller.common.compiled import Array, compile_for, compiled, nested
-from controller.common.entry import Bound, bind, call
-from controller.common.held import Held, held
+from controller.belief import Friction, Gains, Gait, Law, WalkerModel
+from controller.belief.friction import UNLIMITED
+from controller.cmpc.cascade_kernels import DIVERGED, FORESEEN, NOTHING, Halves, Parts, foresee, settle, tick
+from controller.cmpc.prediction import CorrectedHorizon, Horizon, new_horizon, predict
+from controller.cmpc.program import Weights, build_problem
+from controller.common.clock import new_clock
+from controller.common.compiled import compile_for
+from controller.common.entry import Bound, bind
+from controller.common.held import Held
 from controller.common.products import applied
 from controller.common.records import (
     OBSERVATION,
@@ -24,41 +23,12 @@ from controller.common.records import (
     Plan,
     Rows,
     Status,
-    Vector,
     observation_of,
     write_step,
 )
-from controller.common.settings import WeightSettings
-from controller.qp import Solver, StageQP
+from controller.qp import Solver
 from controller.qp.problem import Solution, failed
-from controller.qp.riccati_solver import RiccatiSolver, State, advance, good
-
-
-class Weights(NamedTuple):
-    """Cost of Eq. (16) on e = (y, dy) and u_tilde; stage k counts k times (Sec. III.E).
-
-    Attributes:
-        Q_position: Diagonal of the weight on y, (4,).
-        Q_velocity: Diagonal of the weight on dy, (4,).
-        R: Diagonal of the weight on u_tilde, (4,).
-    """
-
-    Q_position: Array
-    Q_velocity: Array
-    R: Array
-
-    @classmethod
-    def of_paper(cls, gains: Gains, T: float) -> "Weights":
-        """Q = diag(2 K_P / T^2, K_D / T) and R = I, Sec. III.E."""
-        return cls(Q_position=2.0 * gains.kp / T**2, Q_velocity=gains.kd / T, R=np.ones(4))
-
-    def times(self, factors: WeightSettings) -> "Weights":
-        """These weights with the factors of a scenario on them."""
-        return Weights(
-            Q_position=np.array(factors.output) * self.Q_position,
-            Q_velocity=np.array(factors.output_rate) * self.Q_velocity,
-            R=np.array(factors.torque) * self.R,
-        )
+from controller.qp.riccati_solver import RiccatiSolver
 
 
 class CascadedMpc(Law):
@@ -213,148 +183,3 @@ def compile_foresight(law: Any) -> None:
     """Compile what a tick does before it solves, and what hands its parts over."""
     seen = np.zeros(1, OBSERVATION)
     compile_for(foresee, law._parts(law.solver), law.stance.memory, seen, 0)
-
-
-NOTHING, FORESEEN, DIVERGED = range(3)
-"""How far `tick` has come that ended without a decision."""
-
-
-class Parts(NamedTuple):
-    """All that a tick works on.
-
-    Attributes:
-        came_to: What `decide` is to go on from, (1,).
-    """
-
-    loop: Loop
-    horizon: Horizon
-    weights: Weights
-    limit: Array
-    friction: Friction
-    problem: StageQP
-    state: State
-    came_to: NDArray[np.int64]
-
-
-OPTIMAL = list(Status).index(Status.OPTIMAL)
-
-
-@compiled
-def foresee(parts: Any, memory: Any, seen: Any, i: int) -> bool:
-    """Predict from row `i` of `seen` and build the problem; false where the prediction diverges."""
-    p = held(parts)
-    q, dq = np.empty(N_Q), np.empty(N_Q)
-    watch(memory, p.loop.walker, seen[i], q, dq)
-    roll_out(p.loop, q, dq, p.horizon)
-    if not within_reason(p.horizon.x, p.horizon.force):
-        return False
-    fill(p.horizon, p.weights, p.limit, p.friction, p.problem)
-    return True
-
-
-@compiled
-def settle(parts: Any, memory: Any, step: Any, i: int) -> bool:
-    """Solve the problem and fill row `i` of `step`, but for the time it took; whether it has an answer."""
-    p = held(parts)
-    sweeps, checks = advance(p.problem, p.state)
-    if not good(checks):
-        return False
-    m, out, horizon, u_mpc = memory[0], step[i], p.horizon, p.state.sweep.u[0]
-    for j in range(N_U):
-        joint = j ^ m.leg
-        out.u_zd[joint], out.u_mpc[joint] = horizon.u[0, j], u_mpc[j]
-        out.u_total[joint] = m.torque[joint] = horizon.u[0, j] + u_mpc[j]  # Eq. (23)
-        out.y[j], out.dy[j] = horizon.y[0, j], horizon.dy[0, j]
-    force = applied(horizon.force_per_torque[0], u_mpc)  # Eq. (20)
-    out.contact_force[0], out.contact_force[1] = horizon.force[0, 0] + force[0], horizon.force[0, 1] + force[1]
-    out.theta, out.dtheta = horizon.clock[0], horizon.clock[1]
-    out.s = (horizon.clock[0] - p.loop.gait.theta_start) / p.loop.gait.theta_span
-    out.impact_in = -1
-    for k in range(horizon.exchange.shape[0]):
-        if horizon.exchange[k]:
-            out.impact_in = k + 1
-            break
-    out.residuals[0], out.residuals[1], out.residuals[2] = checks[0], checks[1], checks[2]
-    out.slack, out.active, out.iterations = checks.slack, checks.active, sweeps
-    out.followed = 0.0
-    out.status, out.stance, out.fallback = OPTIMAL, m.leg, 0
-    return True
-
-
-class Halves(NamedTuple):
-    """What `tick` works on: both kernels as values, which are compiled for Python, too, and need not be once more."""
-
-    foresee: Bound
-    settle: Bound
-    came_to: NDArray[np.int64]
-    clock: Clock
-
-
-@compiled
-def tick(halves: Any, seen: Any, step: Any, i: int) -> bool:
-    """Fill row `i` of `step` from that of `seen`; false where there is no answer yet, `came_to` then says why."""
-    p = held(halves)
-    if not call(p.foresee.entry, p.foresee.arguments, (seen, i)):
-        p.came_to[0] = DIVERGED
-        step[i].solve_s = 0.0
-        return False
-    started = now(p.clock)
-    answered: bool = call(p.settle.entry, p.settle.arguments, (step, i))
-    step[i].solve_s = now(p.clock) - started
-    if not answered:
-        p.came_to[0] = FORESEEN
-    return answered
-
-
-def build_problem(horizon: Horizon, weights: Weights, limit: Vector, friction: Friction | None) -> StageQP:
-    """The quadratic program over the MPC's torques.
-
-    Implements: Eqs. (14)-(17), (19), (21)-(22).
-
-    Every predicted error depends on the torques through their sum alone (Eq. (15)): with
-    w_k = sum_{j<k} T (D^-1 B)_j u_tilde_j, the error is e_k = (y_k + T/2 w_k, dy_k + w_k). This is taken
-    literally through predicted impacts, where "stance hip" passes from one leg to the other: w is added to the
-    errors of the roles, not of the legs. (Exchanging w with the legs was tried; it makes C-MPC fall under 40 N.)
-
-    Args:
-        horizon: Partial prediction.
-        weights: Cost on errors and inputs.
-        limit: Torque limits in [N.m], (4,): hips, then knees.
-        friction: Contact-force limits, None for none.
-    """
-    N, r = horizon.u.shape[0], 0 if friction is None else ROWS
-    friction = UNLIMITED if friction is None else friction
-    e = np.empty
-    problem = StageQP(
-        rate=horizon.rate_per_torque,
-        weight=e((N, 4)),
-        linear=e((N, 4)),
-        R=weights.R,
-        lower=e((N, 4)),
-        upper=e((N, 4)),
-        rows=e((N, r, 4)),
-        limits=e((N, r)),
-        penalty=friction.penalty,
-    )
-    fill(horizon, weights, limit, friction, problem)
-    return problem
-
-
-@nested
-def fill(horizon: Horizon, weights: Weights, limit: Array, friction: Friction, out: StageQP) -> None:
-    """All numbers of the problem that are not the horizon's own or the same in every tick."""
-    T, Qp, Qd = horizon.T, weights.Q_position, weights.Q_velocity
-    N, r = out.limits.shape
-    for k in range(N):
-        for i in range(N_U):
-            # Cost of the error stack in w, Eqs. (14)-(17); stage k counts k times.
-            out.weight[k, i] = (k + 1) * (0.25 * T * T * Qp[i] + Qd[i])
-            out.linear[k, i] = (k + 1) * (0.5 * T * Qp[i] * horizon.y[k + 1, i] + Qd[i] * horizon.dy[k + 1, i])
-            out.lower[k, i] = -limit[i] - horizon.u[k, i]  # Eq. (19)
-            out.upper[k, i] = limit[i] - horizon.u[k, i]
-        if r > 0:
-            for j in range(N_U):  # Eq. (21)
-                per_torque = cone(friction, horizon.force_per_torque[k, 0, j], horizon.force_per_torque[k, 1, j])
-                out.rows[k, 0, j], out.rows[k, 1, j], out.rows[k, 2, j] = per_torque
-            beyond = excess(friction, horizon.force[k])
-            out.limits[k, 0], out.limits[k, 1], out.limits[k, 2] = -beyond[0], -beyond[1], -beyond[2]

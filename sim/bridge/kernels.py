@@ -30,7 +30,11 @@ SLICE = 0.05  # [s] between looks at the wish to stop
 YOUNG = 100_000  # objects before Python looks for garbage: a compiler makes many and drops few
 
 TOPS = {
-    "c-mpc": ("controller.cmpc.cascade:settle", "controller.cmpc.cascade:foresee", "sim.loop.ride:ride"),
+    "c-mpc": (
+        "controller.cmpc.cascade_kernels:settle",
+        "controller.cmpc.cascade_kernels:foresee",
+        "sim.loop.ride:ride",
+    ),
     "zd-pd": ("controller.cmpc.zero_dynamics:decide", "sim.loop.ride:ride"),
     "c-mpc-ltv": ("controller.ltv.plan:improve",),
     "c-mpc-plan": ("controller.plan.solve:improve", "controller.ltv.plan:improve"),
