@@ -235,21 +235,6 @@ def test_mass_factor_scales_mass_and_inertia_of_its_link_alone(body: str) -> Non
         assert np.array_equal(heavy.body(name).ipos, plain.body(name).ipos)
 
 
-def test_mjcf_text_is_the_plant_that_ran() -> None:
-    plant = make(
-        mass_factor=BodyFactors(torso=1.1),
-        ground=GroundSettings(friction=0.4, slope=0.05),
-        timestep=0.5e-3,
-    )
-    twin = mujoco.MjModel.from_xml_string(plant.mjcf_text)
-    assert twin.opt.timestep == 0.5e-3
-    assert np.allclose(twin.body_mass, plant.model.body_mass, rtol=1e-12)
-    assert np.allclose(twin.body_quat, plant.model.body_quat, atol=1e-12)
-    assert np.array_equal(twin.geom_friction, plant.model.geom_friction)
-    assert twin.opt.disableflags == plant.model.opt.disableflags
-    assert plant.sources == (RABBIT,)
-
-
 def test_textures_are_for_viewers_alone_and_change_no_motion() -> None:
     plain, shown = make(), MujocoPlant(PlantSettings(), RABBIT, PERIOD, pictures=True)
     assert plain.model.ntex == 0 and shown.model.ntex > 0

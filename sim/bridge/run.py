@@ -88,7 +88,7 @@ def plant_model(scenario: Scenario) -> mujoco.MjModel:
     """
     files, length = ModelFiles.of(scenario), _walk_length(scenario)
     terrain = Terrain(scenario.plant.ground, seed=scenario.seed, length=length)
-    return compiled_model(scenario.plant, files.mjcf, terrain, seed=scenario.seed, length=length)[1]
+    return compiled_model(scenario.plant, files.mjcf, terrain, seed=scenario.seed, length=length)
 
 
 def _walk_length(scenario: Scenario) -> float:

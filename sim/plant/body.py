@@ -95,10 +95,9 @@ class Body(ABC):
         self.substeps = whole_substeps(settings.timestep, control_period)
         self.sources = (Path(model_path),)
         self.terrain = Terrain(settings.ground, seed=seed, length=walk_length)
-        self._spec, self.model = compiled_model(
+        self.model = model = compiled_model(
             settings, Path(model_path), self.terrain, seed=seed, length=walk_length, pictures=pictures
         )
-        model = self.model
         self.legs = LegGeometry.of(model)
         self._body_ids = [model.body(name).id for name in LINKS]
         ipos = model.body_ipos
@@ -128,11 +127,6 @@ class Body(ABC):
     def data(self) -> mujoco.MjData:
         """MuJoCo's live data, for viewers and tests; only the plant may change it."""
         return mujoco.MjData(self.model)
-
-    @property
-    def mjcf_text(self) -> str:
-        """The model as compiled, modelling errors applied, as MJCF."""
-        return str(self._spec.to_xml())
 
     def load(self, forces: Sequence[AppliedForce]) -> None:
         """Name the external forces that may act in the holds to come.

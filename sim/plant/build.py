@@ -71,8 +71,8 @@ def build_spec(settings: PlantSettings, model_path: Path, terrain: Terrain | Non
 
 def compiled_model(
     settings: PlantSettings, model_path: Path, terrain: Terrain, *, seed: int, length: float, pictures: bool = False
-) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-    """Spec and model of `build_spec` and `compile_spec`; the model is a copy of its own, the spec is shared.
+) -> mujoco.MjModel:
+    """A copy of one's own of the model of `build_spec` and `compile_spec`.
 
     Many runs in a row are of one plant, from one start or another.
 
@@ -90,18 +90,16 @@ def compiled_model(
     try:
         about = model_path.stat()
     except OSError:
-        spec = build_spec(settings, model_path, terrain)  # which says what is wrong
-        return spec, compile_spec(spec, model_path)
+        return compile_spec(build_spec(settings, model_path, terrain), model_path)  # which says what is wrong
     key = (settings, model_path.absolute(), about.st_mtime_ns, about.st_size, seed, length, pictures)
     if key not in _RECENT:
         spec = build_spec(settings, model_path, terrain)
         if not pictures:
             _drop_pictures(spec)
-        _RECENT[key] = spec, compile_spec(spec, model_path)
+        _RECENT[key] = compile_spec(spec, model_path)
         while len(_RECENT) > MOST_RECENT:
             del _RECENT[next(iter(_RECENT))]
-    spec, model = _RECENT[key]
-    return spec, copy.copy(model)
+    return copy.copy(_RECENT[key])
 
 
 def _drop_pictures(spec: mujoco.MjSpec) -> None:
@@ -113,7 +111,7 @@ def _drop_pictures(spec: mujoco.MjSpec) -> None:
 
 
 MOST_RECENT = 4
-_RECENT: dict[Any, tuple[mujoco.MjSpec, mujoco.MjModel]] = {}
+_RECENT: dict[Any, mujoco.MjModel] = {}
 
 
 def _set_numerics(contact: ContactSettings, spec: mujoco.MjSpec, part: Part) -> None:

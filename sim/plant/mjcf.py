@@ -1,10 +1,10 @@
 """An MJCF of a walker as its file is: read, compiled, refused where a part is missing or not what its name says."""
 
-import warnings
 from pathlib import Path
 
 import mujoco
 
+from sim import mjcf
 from sim.errors import UserError
 from sim.interface import FEET, JOINTS, LINKS
 
@@ -16,10 +16,6 @@ _SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 _CONTACT = mujoco.mjtSensor.mjSENS_CONTACT
 
 
-def _unsaid(message: str) -> None:
-    """MuJoCo's warnings while it reads: what matters of them is an error, and said as one."""
-
-
 def read_spec(model_path: Path) -> mujoco.MjSpec:
     """An MJCF as it is.
 
@@ -28,11 +24,7 @@ def read_spec(model_path: Path) -> mujoco.MjSpec:
     """
     if not model_path.is_file():
         raise UserError(f"model file {model_path}: does not exist")
-    mujoco.set_mju_user_warning(_unsaid)
-    try:
-        spec = mujoco.MjSpec.from_file(str(model_path))
-    except ValueError as error:
-        raise UserError(f"model file {model_path}: {_in_one_line(error)}") from error
+    spec = mjcf.read_spec(model_path, f"model file {model_path}")
     for name in LINKS:
         body = spec.body(name)
         if body is not None and not (body.explicitinertial and body.mass > 0.0):
@@ -48,11 +40,7 @@ def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
     Raises:
         UserError: MuJoCo cannot compile it, or a part is missing or not what its name says.
     """
-    try:
-        with warnings.catch_warnings(action="ignore"):  # what it warns of is in the runs, or refused below
-            model = spec.compile()
-    except ValueError as error:
-        raise UserError(f"model file {model_path}: {_in_one_line(error)}") from error
+    model = mjcf.compile_spec(spec, f"model file {model_path}")
     slides, hinges = BASE[:2], (BASE[2], *JOINTS)
     for kind, names, words in ((_SLIDE, slides, "a slide"), (_HINGE, hinges, "a hinge")):
         for name in names:
@@ -72,9 +60,3 @@ def compile_spec(spec: mujoco.MjSpec, model_path: Path) -> mujoco.MjModel:
             legal = "found force pos normal tangent" if size > 1 else "found"
             raise UserError(f'model file {model_path}: no contact sensor "{name}" of these data; must have {legal}')
     return model
-
-
-def _in_one_line(error: Exception) -> str:
-    """What MuJoCo complains about."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return "; ".join(lines[:2]) if lines else "unreadable"

@@ -1,7 +1,6 @@
 """An MJCF as a tree of links, and as MuJoCo has it: classes, defaults and autolimits are MuJoCo's own to resolve."""
 
 import math
-import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from sim import mjcf
 from sim.errors import UserError
 from sim.walkers.tree import FULL_TURN, Array, Inertial, Joint, Kind, Link, Row, Tip, Tree, at, placed
 from sim.walkers.urdf import name_of_foot
@@ -29,7 +29,7 @@ def read(path: Path) -> Tree:
         UserError: missing, not an MJCF MuJoCo can compile, or with a joint of a kind that is none of a walker's.
     """
     spec, rows = bare(path)
-    model = compiled(spec, path)
+    model = mjcf.compile_spec(spec, str(path))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     motors = _motors(model, rows)
@@ -57,11 +57,7 @@ def bare(path: Path) -> tuple[mujoco.MjSpec, list[Row]]:
     """
     if not path.is_file():
         raise UserError(f"{path}: no such file; expected an MJCF")
-    mujoco.set_mju_user_warning(_unsaid)
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise UserError(f"{path}: {first_line(error)}") from error
+    spec = mjcf.read_spec(path, str(path))
     rows = []
     meshes = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
     for geom in meshes:
@@ -80,10 +76,6 @@ def bare(path: Path) -> tuple[mujoco.MjSpec, list[Row]]:
         if texture.file or any(texture.cubefiles):
             spec.delete(texture)
     return spec, rows
-
-
-def _unsaid(message: str) -> None:
-    """MuJoCo's warnings while it reads: what matters of them is an error, and said as one."""
 
 
 def whole(path: Path, depth: int = 0) -> str:
@@ -109,25 +101,6 @@ def whole(path: Path, depth: int = 0) -> str:
                 for child in reversed(list(inner)):
                     parent.insert(place, child)
     return ET.tostring(root, encoding="unicode")
-
-
-def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    """Compile.
-
-    Raises:
-        UserError: MuJoCo cannot.
-    """
-    try:
-        with warnings.catch_warnings(action="ignore"):  # what it warns of, the proof of the made walker would show
-            return spec.compile()
-    except ValueError as error:
-        raise UserError(f"{path}: {first_line(error)}") from error
-
-
-def first_line(error: Exception) -> str:
-    """What MuJoCo complains about, in one line."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return "; ".join(lines[:2]) if lines else "unreadable"
 
 
 def _body(model: mujoco.MjModel, body: int, last: dict[int, str], motors: dict[int, float], path: Path) -> list[Link]:
@@ -279,7 +252,7 @@ class Published:
         body.add_freejoint()
         spec.option.gravity = [0.0, 0.0, -GRAVITY]
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        self.model = compiled(spec, path)
+        self.model = mjcf.compile_spec(spec, str(path))
         self.data = mujoco.MjData(self.model)
         self.root = int(self.model.body(torso).jntadr[0])
 
