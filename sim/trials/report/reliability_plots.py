@@ -11,8 +11,8 @@ from sim.pages.picture import INK, picture
 from sim.trials.reliability.procedure import RADII
 from sim.trials.report.reliability_findings import LEAST, Reliability
 
-MARKERS = "osD^vPX*"
-"""Of controllers, in the plan's order."""
+MARKERS = {"o": "●", "s": "■", "D": "◆", "^": "▲", "v": "▼", "P": "✚", "X": "✖", "*": "★"}
+"""Of controllers, in the plan's order, and as text."""
 BESIDE = 0.012  # between the intervals of neighbouring controllers, of all spreads
 
 if TYPE_CHECKING:
@@ -78,4 +78,13 @@ def fragility(each: Sequence[Reliability]) -> "Markup":
 
 def _style(place: int) -> str:
     """Marker and line of the controller at a place in the plan."""
-    return f"{MARKERS[place % len(MARKERS)]}-"
+    return f"{_marker(place)[0]}-"
+
+
+def key(place: int, controller: str) -> tuple[str, str]:
+    """Colour, and marker and name, of the controller at a place in the plan."""
+    return colour(place), f"{_marker(place)[1]} {controller}"
+
+
+def _marker(place: int) -> tuple[str, str]:
+    return list(MARKERS.items())[place % len(MARKERS)]

@@ -47,7 +47,7 @@ def reliability_section(results: Results, study: ReliabilityStudy, folder: Path)
         "kind": "reliability",
         "folder": str(folder),
         "steps": results.plan.scenario.steps,
-        "colours": [(colour(place), one.controller) for place, one in enumerate(found.each)],
+        "legend": [plots.key(place, one.controller) for place, one in enumerate(found.each)],
         "open": list(found.open),
         "level": percent(LEVEL),
         "rows": [
