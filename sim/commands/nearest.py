@@ -95,11 +95,12 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
 
     plan = _only(plan)
     plain = _plain(plan, found.check_crude)
-    if not _is_there(plan, out):
+    theirs = _known(plan, out)
+    if theirs is None:
         code = run_campaign(plan, out, found)
         if code:
             return code
-    theirs = _findings(out)
+        theirs = _findings(out)
     which = "-" + "-".join(plan.controllers) if found.controllers is not None else ""
     folder = out / re.sub(r"[^\w.-]", "_", f"crude-{found.check_crude}{which}")
     code = run_campaign(plain, folder, found)
@@ -137,22 +138,24 @@ def _only(plan: "Plan") -> "Plan":
     return replace(plan, grid=(), margin=(), montecarlo=(), certificate=(), reliability=plan.reliability[:1])
 
 
-def _is_there(plan: "Plan", out: Path) -> bool:
-    """Whether a folder holds the whole study for all controllers of a plan."""
+def _known(plan: "Plan", out: Path) -> "ReliabilityFindings | None":
+    """What the whole study found for all controllers of a plan, if a folder holds that."""
     from sim.trials.plan.plan import differences
     from sim.trials.run.folder import FILE
     from sim.trials.run.recall import open_results
 
     if not (out / FILE).is_file():
-        return False
+        return None
     there, store = open_results(out)
     store.close()
     if not there.reliability:
-        return False
-    theirs, found = _only(there), _findings(out)
+        return None
+    theirs = _only(there)
     mine = replace(plan.reliability[0], pairs=theirs.reliability[0].pairs)
-    same = not differences(theirs, replace(plan, controllers=there.controllers, reliability=(mine,)))
-    return same and {one.controller for one in found.each} >= {*plan.controllers}
+    if differences(theirs, replace(plan, controllers=there.controllers, reliability=(mine,))):
+        return None
+    found = _findings(out)
+    return found if {one.controller for one in found.each} >= {*plan.controllers} else None
 
 
 def _findings(folder: Path) -> "ReliabilityFindings":
