@@ -28,7 +28,7 @@ COMMANDS = {
     "video": "Make a film or a picture from a log.",
     "reproduce": "The paper's figures and tables again, with a verdict for each claim.",
     "poincare": "Fixed point and eigenvalues of the step-to-step map.",
-    "basin": "Basin of attraction of both controllers over torso offset and first-step force.",
+    "basin": "Basins of attraction of a controller and of ZD+PD over torso offset and first-step force.",
     "limit": "How much any controller could hold: optimal control that knows all beforehand.",
     "bench": "Measure ticks, solves and runs on this machine against their targets.",
     "trials": "Run a plan of many trials: grids, margins, Monte-Carlo; leave a database and a page.",

@@ -86,6 +86,15 @@ def test_the_command_writes_map_and_data(tmp_path, capsys) -> None:
     assert (tmp_path / "b" / "basin.csv").read_bytes() == before
 
 
+def test_the_map_is_of_the_controller_that_is_named(tmp_path, capsys) -> None:
+    words = ["--plant.kind", "rigid", "--plant.timestep", "0.001", "--torso", "-0.02", "0.02", "2", "--quiet"]
+    words += ["--force", "0", "2", "2", "--limit", "4", "--workers", "1", "--out", str(tmp_path)]
+    assert cli.main(["basin", "undisturbed", *words, "--controller", "c-mpc-ltv", "--epsilon", "0.3"]) == 0
+    areas = json.loads((tmp_path / "basin.json").read_text())["area [rad N]"]
+    assert [*areas] == ["zd-pd", "c-mpc-ltv"]
+    assert "c-mpc-ltv's is 1.00 times ZD+PD's" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -1,4 +1,4 @@
-"""`cmpc basin`: from which torso offsets and first-step forces ZD+PD and C-MPC come back."""
+"""`cmpc basin`: from which torso offsets and first-step forces a controller and ZD+PD come back."""
 
 import json
 import sys
@@ -18,11 +18,12 @@ from sim.terminal.interrupt import stop_on_signal
 from sim.walkers import ModelFiles
 
 DEFAULT = "undisturbed"
+REFERENCE = "zd-pd"  # whose basin stands beside that of the scenario's controller
 OUT = Path("logs/basin")
 TORSO = (-0.8, 0.8, 9.0)  # [rad], [rad], number
 FORCE = (-40.0, 80.0, 7.0)  # [N], [N], number
 
-DESCRIPTION = "Basin of attraction of both controllers over torso offset and first-step force."
+DESCRIPTION = "Basins of attraction of a controller and of ZD+PD over torso offset and first-step force."
 EPILOG = """\
 The first state is offset in the torso angle, and a horizontal force pushes the torso throughout the first step; the
 scenario's own pushes and offsets play no part. --axis torso tilts the torso about the hip, --axis q5 the whole
@@ -99,7 +100,7 @@ def _map(
     from sim.reproduce import draw, report
     from sim.reproduce.basin import Fate, Grid
     from sim.reproduce.experiments import fig8
-    from sim.reproduce.study import CONTROLLER_NAMES, CONTROLLERS, PLANT_NAMES
+    from sim.reproduce.study import CONTROLLER_NAMES, PLANT_NAMES
     from sim.runner import Stopped, Task, TaskStore, run_tasks
     from sim.terminal.progress import progress_bar
 
@@ -107,15 +108,12 @@ def _map(
     store = TaskStore(out / "tasks")
     files = tuple(str(path) for path in ModelFiles.of(scenario).read)
     wanted = {}
-    law = scenario.controller.kind  # one from outside takes the place of C-MPC
-    kinds = {controller: controller for controller in CONTROLLERS}
-    labels = dict(CONTROLLER_NAMES)
+    law = scenario.controller.kind if scenario.controller.kind != REFERENCE else "c-mpc"
     if law not in BUILT_IN:
-        kinds["c-mpc"] = labels["c-mpc"] = law
         file, _ = outside.source_of(law)
         files += (str(file),) if file else ()
-    for controller, kind in kinds.items():
-        text = to_toml(with_value(scenario, "controller.kind", kind))
+    for controller in (REFERENCE, law):
+        text = to_toml(with_value(scenario, "controller.kind", controller))
         for i, offset in enumerate(grid.torso.tolist()):
             wanted[f"{controller}/{i}"] = Task(
                 function="sim.reproduce.basin:column",
@@ -127,7 +125,7 @@ def _map(
                     "epsilon": epsilon,
                     "steps": limit,
                 },
-                cost=3.0 if controller == "c-mpc" else 1.0,
+                cost=1.0 if controller == REFERENCE else 3.0,
                 files=files,
             )
     with stop_on_signal() as stop, progress_bar("mapping", quiet=quiet) as show:
@@ -137,22 +135,22 @@ def _map(
             print(f"cmpc: {reason}; run the same command again to go on", file=sys.stderr)
             return 128 + stop.signum
     found = {}
-    for controller in CONTROLLERS:
+    for controller in (REFERENCE, law):
         columns = [store.get(wanted[f"{controller}/{i}"]) or {} for i in range(len(grid.torso))]
         found[controller] = {what: np.array([one[what] for one in columns]).T for what in ("fate", "steps", "scuff")}
-    zd, mpc = inside = [found[controller]["fate"] == Fate.CONVERGED for controller in CONTROLLERS]
+    labels = {controller: CONTROLLER_NAMES.get(controller, controller) for controller in found}
+    inside = {controller: one["fate"] == Fate.CONVERGED for controller, one in found.items()}
     title = f"{scenario.name}, {PLANT_NAMES[scenario.plant.kind]}"
-    title += f"; {law} in place of C-MPC" if law not in BUILT_IN else ""
-    panel = fig8.panel(zd, mpc, grid, title=title)
+    panel = fig8.panel(inside[REFERENCE], inside[law], grid, title=title, name=labels[law])
     draw.draw(((panel,),), "Basins of attraction", out / "basin.png")
     report.write_csv(out / "basin.csv", fig8.table(found, grid))
-    areas = {
-        controller: float(members.sum()) * grid.cell for controller, members in zip(CONTROLLERS, inside, strict=True)
-    }
+    areas = {controller: float(members.sum()) * grid.cell for controller, members in inside.items()}
     pages.write(out / "basin.json", json.dumps({"area [rad N]": areas, "epsilon [rad]": epsilon}) + "\n")
     for controller, area in areas.items():
         fates = found[controller]["fate"].ravel().tolist()
         counts = ", ".join(f"{fates.count(fate)} {fate.name.lower()}" for fate in Fate)
-        print(f"{labels[controller]:<6} {area:8.2f} rad N   {counts}")
+        print(f"{labels[controller]:<10} {area:8.2f} rad N   {counts}")
+    if areas[REFERENCE] > 0.0:
+        print(f"{labels[law]}'s is {areas[law] / areas[REFERENCE]:.2f} times {labels[REFERENCE]}'s")
     print(f"map: {out / 'basin.png'}\ndata: {out / 'basin.csv'}", flush=True)
     return 0

@@ -23,7 +23,7 @@ READINGS = {
 """Two readings of "we disturb q5", as `sim.reproduce.basin` calls them: words, offsets in [rad], plants that can do
 it, and numbers of offsets and forces in full, for the gait judged beside, and coarse."""
 
-CLASSES = ("neither", "ZD+PD only", "both", "C-MPC only")
+CLASSES = ("neither", "ZD+PD only", "both", "{} only")
 COLOURS = ("#f4f4f2", "#d9731a", "#8fb8de", "#1f5fa8")
 IMPOSSIBLE = study.Finding(text="cannot be: the swing foot would start in the ground", holds=None)
 
@@ -76,18 +76,20 @@ def _whole(values: np.ndarray) -> bool:
     return bool(np.isfinite(values).all() and (values == values.astype(int)).all())
 
 
-def panel(zd: np.ndarray, mpc: np.ndarray, grid: Grid, *, title: str) -> MapPanel:
-    """The map of both basins."""
+def panel(
+    zd: np.ndarray, other: np.ndarray, grid: Grid, *, title: str, name: str = study.CONTROLLER_NAMES["c-mpc"]
+) -> MapPanel:
+    """The map of the basins of ZD+PD and of another controller, C-MPC or as it is called."""
     return MapPanel(
         title=title,
         x_label="initial torso offset [rad]",
         y_label="force throughout step 1 [N]",
         x=grid.torso,
         y=grid.force,
-        classes=np.where(zd & mpc, 2, np.where(mpc, 3, np.where(zd, 1, 0))),
-        names=CLASSES,
+        classes=np.where(zd & other, 2, np.where(other, 3, np.where(zd, 1, 0))),
+        names=tuple(words.format(name) for words in CLASSES),
         colours=COLOURS,
-        regions=_regions(zd, mpc, grid),
+        regions=_regions(zd, other, grid, name),
     )
 
 
@@ -195,11 +197,11 @@ def evaluate(results: study.Results, effort: study.Effort) -> study.Evaluation:
     )
 
 
-def _regions(zd: np.ndarray, mpc: np.ndarray, grid: Grid) -> tuple[Region, Region]:
+def _regions(zd: np.ndarray, other: np.ndarray, grid: Grid, name: str) -> tuple[Region, Region]:
     """Both basins, named with their areas."""
-    areas = [float(inside.sum()) * grid.cell for inside in (zd, mpc)]
+    areas = [float(inside.sum()) * grid.cell for inside in (zd, other)]
     return (
-        Region(name=f"C-MPC, {areas[1]:.1f} rad N", inside=mpc, colour=BLUE, dash="solid"),
+        Region(name=f"{name}, {areas[1]:.1f} rad N", inside=other, colour=BLUE, dash="solid"),
         Region(name=f"ZD+PD, {areas[0]:.1f} rad N", inside=zd, colour=ORANGE, dash="dashed"),
     )
 
