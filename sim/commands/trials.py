@@ -196,8 +196,8 @@ def _numerics(found: Namespace) -> int:
 def _add_bench(parser: flags.Parser) -> None:
     parser.set_defaults(run=_bench)
     parser.add_argument("--controllers", metavar="LIST", default="c-mpc,zd-pd", help="kinds with commas, or all")
-    text = "trials for each figure (default: 40)"
-    parser.add_argument("--trials", type=flags.whole(LEAST_TRIALS), metavar="INT", default=40, help=text)
+    text = "trials for each figure (default: 120)"
+    parser.add_argument("--trials", type=flags.whole(LEAST_TRIALS), metavar="INT", default=120, help=text)
     add_json(parser, "the figures")
 
 
