@@ -1,7 +1,7 @@
 """Fills tables of docs/reproduction.md, trials.md and controllers.md, and draws docs/atlas.png, from measured results.
 
 python docs/results.py reproduce logs/reproduce     # after cmpc reproduce all
-python docs/results.py atlas campaigns/atlas        # after cmpc trials atlas --controllers all --out campaigns/atlas
+python docs/results.py atlas campaigns/atlas        # after the command of docs/trials.md
 python docs/results.py reach campaigns/reach...     # after cmpc trials reach --out campaigns/reach; folders in a row
 """
 

@@ -12,6 +12,7 @@ import pytest
 from spoken import spoken
 
 from sim import cli
+from sim.commands.replay import EXIT_PARTIAL
 from sim.log.read import read_log
 
 ROOT = Path(__file__).parent.parent
@@ -20,7 +21,7 @@ SIGNALS = {129: signal.SIGHUP, 130: signal.SIGINT, 143: signal.SIGTERM}
 
 
 def test_the_table_is_that_of_these_tests() -> None:
-    assert {0, 1, 2, 141, *SIGNALS} == TABLE
+    assert {0, 1, 2, EXIT_PARTIAL, 141, *SIGNALS} == TABLE  # 3: tests/test_replay.py
 
 
 def test_a_yes_a_no_and_bad_input(capsys) -> None:

@@ -26,7 +26,8 @@ class Hash(EachTick):
             self.hash.update(part.tobytes())
 
 runs = [(plant, kind) for plant in ("mujoco", "rigid") for kind in ("zd-pd", "c-mpc")]
-for plant, kind in [*runs, ("mujoco", "c-mpc-ltv")]:  # the rivals factor by LAPACK when they are built
+runs += [("mujoco", "c-mpc-ltv"), ("mujoco", "c-mpc-plan")]  # the rivals factor by LAPACK when they are built
+for plant, kind in runs:
     ticks = Hash()
     changes = {"controller.kind": kind, "plant.kind": plant, "time_limit": 0.45}
     run_scenario(with_values(load("push-40N-first"), changes), tape=ticks)
@@ -74,4 +75,4 @@ def test_runs_do_not_depend_on_the_kernel_that_a_blas_picks():
         return done.stdout
 
     haswell, prescott = run("Haswell"), run("Prescott")
-    assert haswell.count("\n") == 5 and haswell == prescott
+    assert haswell.count("\n") == 6 and haswell == prescott

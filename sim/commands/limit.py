@@ -124,10 +124,10 @@ def _run(found: Namespace) -> int:
         rows = kept.rows if out and found.all else [answer.record() for answer in answers]
         print(json.dumps(list(rows)), flush=True)
     if log:
+        question, walked = answers[0].question, answers[0].walked[0]
         summary = limits.walk(answers[0], found.walker, found.gait, log, found.plant)
-        console.note(
-            f"{log}: {summary.outcome} after {summary.steps} steps under {answers[0].walked[0].disturbance:.4g} N"
-        )
+        under = f"{question.value(walked.disturbance):.4g} {question.what.unit}"
+        console.note(f"{log}: {summary.outcome} after {summary.steps} steps under {under}")
         console.next_step(f"cmpc review {log}")
     return 0
 

@@ -2,7 +2,7 @@
 
 The paper gives figures and words and no thresholds. Each word has one rule here; numbers are the issue's where a
 tolerance is asked for ("within 5 %"), and else one number alone, a tenth. The rules were fixed before the results
-they judge were computed, and are not changed after them: a claim that fails is reported as failing.
+they judge were computed; what was changed after them is listed in `CHANGED`. A claim that fails is reported as failing.
 """
 
 import math
