@@ -88,6 +88,11 @@ def main(argv: Sequence[str]) -> int:
     except UserError as error:
         print("cmpc: error:", " ".join(str(error).split()), file=sys.stderr)
         return EXIT_USER_ERROR
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"cmpc: error: {error.filename}: {error.strerror}", file=sys.stderr)
+        return EXIT_USER_ERROR
     except KeyboardInterrupt:
         print("cmpc: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED

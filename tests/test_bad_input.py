@@ -57,6 +57,23 @@ def test_missing_gait_names_the_shipped_ones(capsys):
     assert "none.toml" in refused(capsys, "--gait", "none.toml", "--no-log")
 
 
+@pytest.mark.parametrize("word", ["x" * 300, "gait.toml\0", "/" + "y" * 300])
+def test_names_that_no_disk_can_have_are_of_nothing(capsys, word):
+    assert "no such" in refused(capsys, "--walker", word, "--no-log")
+    assert "no such" in refused(capsys, "--gait", word, "--no-log")
+    if "/" not in word and "\0" not in word:
+        assert "no scenario" in refused(capsys, word, "--no-log")
+        assert cli.main(["trials", word, "--out", "o"]) == 2
+        assert "no plan" in capsys.readouterr().err
+        assert cli.main(["review", f"{word}.mcap"]) == 2
+        assert capsys.readouterr().err.endswith(".mcap: File name too long\n")
+
+
+def test_an_audit_and_a_port_go_with_what_they_are_of(capsys):
+    assert "--audit and --live: must be one of them" in refused(capsys, "--audit", "--live")
+    assert "--live-port 8765: is of the server of --live" in refused(capsys, "--live-port", "8765", "--no-log")
+
+
 MODELS = {
     "another topology": ("rabbit.urdf", 'name="right_knee"', 'name="right_ankle"', ["right_ankle", "right_knee"]),
     "mass zero": ("rabbit.urdf", '<mass value="12"/>', '<mass value="0"/>', ["0.0 kg", "above 0 kg"]),

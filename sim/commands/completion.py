@@ -32,7 +32,7 @@ def _run(found: Namespace) -> int:
 
 def whole(lines: Mapping[str, str]) -> argparse.ArgumentParser:
     """The program's parser with every command in it, whichever is asked for; `lines`: what each does, by its name."""
-    from sim.scenario.files import SHIPPED
+    from sim.scenario import files
     from sim.trials.plan.plan import shipped_names
 
     parser = flags.Parser(prog="cmpc")
@@ -42,7 +42,7 @@ def whole(lines: Mapping[str, str]) -> argparse.ArgumentParser:
         importlib.import_module(f"sim.commands.{name}").add_parser(commands, [])
         if name not in {action.dest for action in commands._choices_actions}:  # shtab lists those with a help
             commands._choices_actions.append(commands._ChoicesPseudoAction(name, (), line))
-    names = {"scenario": sorted(path.stem for path in SHIPPED.glob("*.toml")), "plan": shipped_names()}
+    names = {"scenario": files.shipped_names(files.SHIPPED), "plan": shipped_names()}
     for command in _all(parser):
         for action in command._actions:
             _describe(action, names)

@@ -89,9 +89,12 @@ def _run(found: Namespace) -> int:
         return 0
     scenario = flags.apply(scenario, found)
     if found.audit:
-        if found.log is not None or found.viewer:
-            raise UserError(f"--audit and {'--viewer' if found.viewer else '--log'}: must be one of them")
+        besides = {"--viewer": found.viewer, "--log": found.log is not None, "--live": found.live is not None}
+        if more := [option for option, given in besides.items() if given]:
+            raise UserError(f"--audit and {more[0]}: must be one of them")
         return _audit(scenario, json=found.json)
+    if found.live_port is not None and found.live is None:
+        raise UserError(f"--live-port {found.live_port}: is of the server of --live; give that, too")
     if found.no_log:
         log = None
     else:

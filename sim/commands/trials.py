@@ -76,11 +76,12 @@ def _check_word(word: str) -> None:
     Raises:
         UserError: it is.
     """
-    from sim.trials.plan.plan import SHIPPED
+    from sim.trials.plan.plan import shipped_names
 
-    if names_a_path(word) or (SHIPPED / f"{word}.toml").is_file():
+    plans = shipped_names()
+    if names_a_path(word) or word in plans:
         return
-    guess = flags.nearest(word, (*OTHERS, *(path.stem for path in SHIPPED.glob("*.toml"))))
+    guess = flags.nearest(word, (*OTHERS, *plans))
     if any(f" {other}?" in guess for other in OTHERS):
         raise UserError(f"cmpc trials {word}: unknown; {guess}must be a plan, or {', '.join(OTHERS)}")
 

@@ -73,7 +73,7 @@ def _check_kind(tree: Mapping[str, Any], path: Path) -> None:
 
 def shipped() -> dict[str, str]:
     """Names of the scenarios that come with the program, each with its description."""
-    return {path.stem: from_toml(path).description for path in sorted(SHIPPED.glob("*.toml"))}
+    return {name: load(name).description for name in shipped_names(SHIPPED)}
 
 
 def names_a_path(word: str) -> bool:
@@ -89,10 +89,38 @@ def load(name: str) -> Scenario:
     """
     if names_a_path(name):
         return from_toml(Path(name))
-    path = SHIPPED / f"{name}.toml"
-    if not path.is_file():
-        names = sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    return from_toml(shipped_file(name, SHIPPED, "scenario"))
+
+
+def shipped_file(name: str, folder: Path, what: str) -> Path:
+    """The file of a name in a folder of shipped ones.
+
+    Raises:
+        UserError: no such name; the message has the nearest and the list.
+    """
+    path = folder / f"{name}.toml"
+    if not is_file(path):
+        names = shipped_names(folder)
         near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
         guess = f"; did you mean {near[0]}?" if near else ";"
-        raise UserError(f"no scenario {name!r}{guess} Shipped: {', '.join(names)}; or give a .toml file")
-    return from_toml(path)
+        raise UserError(f"no {what} {name!r}{guess} Shipped: {', '.join(names)}; or give a .toml file")
+    return path
+
+
+def shipped_names(folder: Path) -> list[str]:
+    """Names of the files in a folder of shipped ones."""
+    return sorted(path.stem for path in folder.glob("*.toml"))
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; a name that no disk can have, or a folder that is closed, is a no."""
+    with contextlib.suppress(OSError, ValueError):
+        return path.is_file()
+    return False
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder, as `is_file`."""
+    with contextlib.suppress(OSError, ValueError):
+        return path.is_dir()
+    return False

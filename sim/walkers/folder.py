@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sim.errors import UserError
 from sim.scenario import Scenario, names_a_path
+from sim.scenario.files import is_file, is_folder
 
 PLACES = tuple(Path(__file__).resolve().parents[up] / "models" for up in (2, 1))
 SHIPPED = next((place for place in PLACES if (place / "rabbit").is_dir()), PLACES[0])
@@ -38,11 +39,12 @@ class WalkerFolder:
         Raises:
             UserError: no such folder, or a model file is missing in it.
         """
-        beside = not (SHIPPED / walker).is_dir() and (Path(walker) / f"{Path(walker).name}.urdf").is_file()
-        folder = (Path(walker) if names_a_path(walker) or beside else SHIPPED / walker).resolve()
-        if not folder.is_dir():
+        beside = not is_folder(SHIPPED / walker) and is_file(Path(walker) / f"{Path(walker).name}.urdf")
+        folder = Path(walker) if names_a_path(walker) or beside else SHIPPED / walker
+        if not is_folder(folder):
             names = sorted(p.name for p in SHIPPED.iterdir() if (p / f"{p.name}.urdf").is_file())
             raise UserError(f"walker = {walker!r}: no such folder; {_choice(walker, names)}, or the path of a folder")
+        folder = folder.resolve()
         found = cls(
             name=folder.name,
             mjcf=folder / f"{folder.name}.xml",
@@ -50,7 +52,7 @@ class WalkerFolder:
             gaits=folder / "gaits",
         )
         for file in (found.mjcf, found.urdf):
-            if not file.is_file():
+            if not is_file(file):
                 raise UserError(f"walker = {walker!r}: model file {file} is missing")
         return found
 
@@ -68,7 +70,7 @@ class WalkerFolder:
             UserError: no such file.
         """
         path = Path(gait) if names_a_path(gait) else self.gaits / f"{gait}.toml"
-        if path.is_file():
+        if is_file(path):
             return path
         own = sorted(self.gaits.glob("*.toml"))
         if gait == DEFAULT_GAIT and own:

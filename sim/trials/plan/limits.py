@@ -11,6 +11,7 @@ from controller.common import toml
 from sim import pages
 from sim.errors import UserError
 from sim.scenario import Scenario
+from sim.scenario.files import is_file, shipped_names
 
 OF_QUESTION = ("axis", "step", "seconds", "friction", "longest_step", "torso", "steps", "blind", "controller")
 """What makes two rows answers to one question."""
@@ -109,13 +110,12 @@ def shipped_limits(name: str) -> Limits:
     Raises:
         UserError: there is none, or it is none.
     """
-    path = SHIPPED / f"{name}.toml"
-    if path.is_file():
+    if name.endswith(".toml"):
+        return read_limits(Path(name))
+    if is_file(path := SHIPPED / f"{name}.toml"):
         return read_limits(path)
-    if not name.endswith(".toml"):
-        known = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.toml")))
-        raise UserError(f"limits = {name!r}: no such file of limits; must be {known}, or a .toml file of cmpc limit")
-    return read_limits(Path(name))
+    known = ", ".join(shipped_names(SHIPPED))
+    raise UserError(f"limits = {name!r}: no such file of limits; must be {known}, or a .toml file of cmpc limit")
 
 
 def limits_of(name: str, scenario: Scenario) -> Limits:

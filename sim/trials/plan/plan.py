@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import difflib
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,8 +12,7 @@ from controller.common import outside, toml
 from controller.common.settings import BUILT_IN
 from controller.common.units import NOT_NEGATIVE, POSITIVE, Second, Unit
 from sim.errors import UserError
-from sim.scenario import Scenario, names_a_path
-from sim.scenario.files import kind_of
+from sim.scenario import Scenario, files, names_a_path
 from sim.settings import tree as settings
 from sim.settings.spec import leaf
 from sim.trials.plan.axis import Axis, Value, changes, check_axes, label, scenario_at
@@ -196,9 +194,9 @@ def from_toml(text: str, where: str = "plan", *, trusted: bool = True) -> Plan:
     try:
         with contextlib.nullcontext() if trusted else outside.inert():
             tree = toml.loads(text)
-            other = {"gait": "cmpc run --gait", "scenario": "cmpc run"}.get(kind_of(tree))
+            other = {"gait": "cmpc run --gait", "scenario": "cmpc run"}.get(files.kind_of(tree))
             if other and {*tree} & {"alpha", "walker", "plant", "pushes", "steps", "controller"}:
-                raise UserError(f"is a {kind_of(tree)}, must be a plan here; {other} {where}")
+                raise UserError(f"is a {files.kind_of(tree)}, must be a plan here; {other} {where}")
             plan = settings.build(Plan, tree)
             if trusted and plan.limits:  # results stay readable without
                 shipped_limits(plan.limits)
@@ -217,16 +215,11 @@ def load_plan(name: str) -> Plan:
     """
     path = Path(name)
     if not names_a_path(name):
-        path = SHIPPED / f"{name}.toml"
-        if not path.is_file():
-            names = shipped_names()
-            near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-            guess = f"; did you mean {near[0]}?" if near else ";"
-            raise UserError(f"no plan {name!r}{guess} Shipped: {', '.join(names)}; or give a .toml file")
+        path = files.shipped_file(name, SHIPPED, "plan")
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        if path.parent == Path() and (SHIPPED / path).is_file():
+        if path.parent == Path() and files.is_file(SHIPPED / path):
             return load_plan(path.stem)
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -239,7 +232,7 @@ def load_plan(name: str) -> Plan:
 
 def shipped_names() -> list[str]:
     """Names of the plans that come with the program."""
-    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    return files.shipped_names(SHIPPED)
 
 
 def differences(old: Plan, new: Plan) -> list[str]:
