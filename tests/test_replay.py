@@ -9,6 +9,7 @@ from sim.bridge import kernels
 from sim.bridge.run import run_scenario
 from sim.cli import main
 from sim.log.read import read_log
+from sim.log.read.attachments import scenario_of
 from sim.log.read.scan import scan
 from sim.scenario import load, with_values
 from tests.test_logs import exchanged
@@ -135,6 +136,17 @@ def test_what_would_another_controller_have_done(path, tmp_path, capsys):
     }
     assert (log.channel("/control")["u_mpc.left_hip"] == 0.0).all()
     assert replay(capsys, new)[0] == 0
+
+
+def test_what_set_is_told_is_taken_as_it_stands(path, tmp_path, capsys):
+    """Blanks in a text, a switch turned off, several numbers in a word, the controller by its short name."""
+    sets = {"name": "two words", "controller.friction-rows": "false", "start.q_offset": "0.01,0 0, 0 0"}
+    words = [word for item in sets.items() for word in ("--set", *item)]
+    code, _, err = replay(capsys, path, *words, "--set", "controller", "zd-pd", "--log", tmp_path / "new.mcap")
+    assert code == 0, err
+    changed = scenario_of(read_log(tmp_path / "new.mcap"))
+    assert changed.name == "two words" and changed.controller.kind == "zd-pd"
+    assert not changed.controller.friction_rows and changed.start.q_offset == (0.01, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_it_needs_nothing_but_the_log(path, tmp_path, capsys, monkeypatch):

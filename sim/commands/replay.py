@@ -68,9 +68,7 @@ def _run(found: Namespace) -> int:
     from sim.log.read.attachments import scenario_of
     from sim.review.replay import version_changes
 
-    words = [[f"--{path.removeprefix('--')}", *value.replace(",", " ").split()] for path, value in found.set]
-    more = vars(found.parser.parse([word for line in words for word in line]))
-    vars(found).update({key: more[key] for key in more if key.startswith(flags.PREFIX) and more[key] is not None})
+    vars(found).update({flags.PREFIX + _path(word): [value] for word, value in found.set})
     log = read_log(Path(found.log_path))
     before = scenario_of(log)
     changed = flags.apply(before, found)
@@ -79,6 +77,12 @@ def _run(found: Namespace) -> int:
     if changed == before and found.log is None:
         return _replay(log, before, quiet=found.quiet)
     return _rerun(log, changed, Path(found.log) if found.log else None, quiet=found.quiet, json=found.json)
+
+
+def _path(word: str) -> str:
+    """The setting that a word stands for as an option does."""
+    path = word.removeprefix("--").replace("-", "_")
+    return "controller.kind" if path == "controller" else path
 
 
 def _replay(log: "Log", scenario: Scenario, *, quiet: bool) -> int:

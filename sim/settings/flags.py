@@ -170,7 +170,9 @@ def _add_flag(group: Any, setting: Setting) -> None:
         group.add_argument(negative, dest=dest, action="store_const", const=False, default=None)
     else:
         metavar = "|".join(spec.choices) or spec.unit or {int: "INT", float: "FLOAT"}.get(spec.type, "TEXT")
-        group.add_argument(*short, flag, dest=dest, nargs=spec.length or 1, metavar=metavar, help=text)
+        group.add_argument(
+            *short, flag, dest=dest, nargs=spec.length or ("+" if spec.repeated else 1), metavar=metavar, help=text
+        )
 
 
 def _shown(value: Any) -> str:

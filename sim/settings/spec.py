@@ -224,13 +224,16 @@ def _shown(value: Any, spec: Spec) -> str:
 
 
 def from_text(texts: Sequence[str], spec: Spec, path: str) -> Any:
-    """The value of a field from the words of a command line, or a `UserError`."""
+    """The value of a field from the words of a command line, or from one word with commas, or a `UserError`."""
+    many = bool(spec.length or spec.repeated)
+    if many and len(texts) == 1 and spec.type is not str:
+        texts = texts[0].replace(",", " ").split()
     if spec.optional and all(text.lower() == "none" for text in texts):
         return None
     items: list[Any] = [_number(text, spec.type) if spec.type in (int, float) else text for text in texts]
     if spec.type is bool:
         items = [{"true": True, "false": False}.get(text.lower(), text) for text in texts]
-    return leaf(items if spec.length else items[0], spec, path)
+    return leaf(items if many else items[0], spec, path)
 
 
 def _number(text: str, kind: type) -> Any:
