@@ -148,6 +148,15 @@ ODD_FIELDS = {
 }
 
 
+def test_a_setting_of_any_number_of_values_has_a_flag(tmp_path):
+    kind = odd_settings(tmp_path, "gains: tuple[float, ...] = (1.0, 2.0)\n    words: tuple[str, ...] = ('a',)")
+    log = tmp_path / "a.mcap"
+    argv = ["run", "undisturbed", "--controller", kind, "--time-limit", "0.01", "--log", str(log), "--quiet"]
+    assert cli.main([*argv, "--controller.settings.gains", "3", "4", "5", "--controller.settings.words", "b, c"]) == 0
+    settings = scenario_of(read_log(log)).controller.settings
+    assert settings.gains == (3.0, 4.0, 5.0) and settings.words == ("b, c",)
+
+
 def odd_settings(folder, fields):
     text = "from dataclasses import dataclass, field\nfrom pathlib import Path\nfrom typing import Literal\n"
     text += f"@dataclass\nclass Settings:\n    {fields}\n"
@@ -440,6 +449,31 @@ def test_a_built_in_controller_that_gives_no_number_is_an_error_too(tmp_path, ki
     assert summary.outcome in ("error", "fell")
     if summary.outcome == "error":
         assert "not finite" in summary.message and read_log(log).metadata["result"]["outcome"] == "error"
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("~nobody_here/m.py", "No such file"),
+        (":make", "names no module; must be"),
+        (".mine:make", "names no module; must be"),
+        ("quits_at_once", "module quits_at_once: ends the program when imported"),
+        ("./zeros.py", "null bytes"),
+    ],
+)
+def test_names_of_nothing_are_one_line(kind, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "quits_at_once.py").write_text("raise SystemExit(3)\n")
+    (tmp_path / "zeros.py").write_bytes(b"\0\0")
+    assert cli.main(["run", "--no-log", "--controller", f"{kind}:make" if kind.startswith("quits") else kind]) == 2
+    err = capsys.readouterr().err
+    assert words in err and err.count("\n") == 1 and "None" not in err, err
+
+
+def test_a_setting_may_be_called_left_without_a_right(tmp_path, capsys):
+    kind = odd_settings(tmp_path, "left_gain: float = 1.0")
+    assert cli.main(["poincare", "--plant.kind", "rigid", "--quiet", "--controller", kind]) in (1, 2)
+    assert "left_gain" not in capsys.readouterr().err
 
 
 def test_a_step_map_a_basin_a_benchmark_and_a_reproduction_take_it(pd, tmp_path, capsys):

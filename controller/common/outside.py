@@ -132,7 +132,7 @@ def source_of(kind: str) -> tuple[Path | None, bytes]:
         where, _ = _split(kind)
     except UserError:
         return None, b""
-    path = Path(where).expanduser().resolve()
+    path = _file(where)
     if kind in _SENT:
         return path, _SENT[kind]
     if not where.endswith(".py"):
@@ -190,7 +190,8 @@ def place(error: BaseException, file: Path | None, called: str = "") -> str:
         called: What stands for the place if nothing of that file was reached; else the deepest line of all.
     """
     if isinstance(error, SyntaxError):
-        return f"{type(error).__name__}: {error.msg} ({error.filename}, line {error.lineno})"
+        number = f", line {error.lineno}" if error.lineno else ""
+        return f"{type(error).__name__}: {error.msg} ({error.filename or file}{number})"
     frames = []
     trace = error.__traceback__
     while trace is not None:
@@ -213,6 +214,8 @@ def _split(kind: str) -> tuple[str, str]:
             raise UserError(f"no such controller; must be {LEGAL}")
         kind = point
     where, _, name = kind.rpartition(":")
+    if not where.endswith(".py") and (not where or where.startswith(".")):
+        raise UserError(f"names no module; must be {LEGAL}")
     return where, name or FACTORY
 
 
@@ -232,7 +235,7 @@ def _found(kind: str) -> Outside:
     if where == "python":
         raise UserError("was given from Python in another process and is not here; give it again, or name its file")
     if where.endswith(".py"):
-        file = Path(where).expanduser().resolve()
+        file = _file(where)
         text = _SENT.get(kind) or _read(file)
         return _of(kind, _run(str(file), text), name, file, text)
     module = _import(where)
@@ -262,6 +265,10 @@ def _outside(kind: str, factory: Any, file: Path | None, text: bytes) -> Outside
                 f"its settings {getattr(settings, '__qualname__', '')}: field {field.name}: must have a default"
             )
     return Outside(kind=kind, factory=factory, settings=settings, taken=taken, file=file, text=text)
+
+
+def _file(where: str) -> Path:
+    return Path(os.path.expanduser(where)).resolve()  # which leaves the home of nobody as it is
 
 
 def _read(file: Path) -> bytes:
@@ -300,6 +307,8 @@ def _import(name: str) -> types.ModuleType:
         raise UserError(f"no module {error.name!r}; must be {LEGAL}") from error
     except Exception as error:
         raise UserError(place(error, None)) from error
+    except SystemExit:
+        raise UserError(f"module {name}: ends the program when imported") from None
 
 
 def _look_in(folder: str) -> None:
