@@ -58,9 +58,9 @@ def check_out(out: Path) -> Path:
     Raises:
         UserError: another ending, no such folder, or the file is there and was not made by a search.
     """
-    record = out.with_suffix(".jsonl")
     if out.suffix != ".toml":
         raise UserError(f"--out {out}: must be a name that ends in .toml")
+    record = out.with_suffix(".jsonl")
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
     if out.exists() and not record.exists():

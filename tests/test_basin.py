@@ -100,6 +100,8 @@ def test_the_map_is_of_the_controller_that_is_named(tmp_path, capsys) -> None:
     [
         (["--torso", "0.2", "-0.2", "5"], "--torso"),
         (["--force", "0", "10", "1"], "--force"),
+        (["--torso", "-1", "1", "inf"], "--torso"),
+        (["--torso", "-1", "nan", "5"], "--torso"),
         (["--force", "0", "10", "2.5"], "--force"),
         (["--epsilon", "0"], "--epsilon"),
         (["--limit", "0"], "--limit"),

@@ -89,6 +89,7 @@ def test_variants_that_say_nothing_about_a_plan_are_left_out(tmp_path) -> None:
         return Plan(name="p", controllers=("zd-pd",), scenario=scenario, grid=(GridStudy(name="g", axes=(axis,)),))
 
     assert [name for name in numerics.VARIANTS if numerics.unfit(plan(push), name)] == []
+    assert "must divide" in numerics.unfit(plan(push, **{"controller.period": 2.5e-4}), "step 0.5 ms")
     assert "set plant.timestep" in numerics.unfit(plan(step), "step 0.1 ms")
     assert "set plant.contact.cone" in numerics.unfit(plan(cone), "pyramidal cone")
     rigid = plan(push, **{"plant.kind": "rigid"})

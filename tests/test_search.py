@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,6 +70,9 @@ def test_a_record_is_gone_on_with_or_refused(tmp_path):
 def test_a_file_no_search_made_is_not_written_over(tmp_path):
     out = tmp_path / "mine.toml"
     assert check_out(out) == tmp_path / "mine.jsonl"
+    for nothing in (".", ""):
+        with pytest.raises(UserError, match=r"must be a name that ends in \.toml"):
+            check_out(Path(nothing))
     out.write_text("steps = 3\n")
     with pytest.raises(UserError, match=r"mine\.toml: is there already"):
         check_out(out)

@@ -46,7 +46,7 @@ def add_parser(commands: Any, argv: Sequence[str], scenario: Scenario | None = N
     parser.set_defaults(run=_run)
     for flag, unit, span in (("--torso", "rad", TORSO), ("--force", "N", FORCE)):
         text = f"[{unit}] (default: {' '.join(f'{value:g}' for value in span)})"
-        own.add_argument(flag, nargs=3, type=float, default=span, metavar=("FIRST", "LAST", "NUMBER"), help=text)
+        own.add_argument(flag, nargs=3, type=flags.real(), default=span, metavar=("FIRST", "LAST", "NUMBER"), help=text)
     text = "what the offset turns (default: torso)"
     own.add_argument("--axis", choices=("torso", "q5"), default="torso", help=text)
     text = "distance from the periodic state that counts as converged (default: 0.05)"

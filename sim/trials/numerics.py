@@ -89,10 +89,10 @@ class Moved:
 
 
 def variant(plan: Plan, name: str) -> Plan:
-    """A plan under a variant.
+    """A plan under a variant, whatever it says of the same settings.
 
     Raises:
-        UserError: the plan already sets something that the variant sets otherwise, such as a rigid plant.
+        UserError: what else the plan sets does not go with the variant.
     """
     return dataclasses.replace(plan, name=f"{plan.name}, {name}", scenario=with_values(plan.scenario, VARIANTS[name]))
 
@@ -108,8 +108,11 @@ def unfit(plan: Plan, name: str) -> str:
     if taken := own & changed.keys():
         return f"the plan's own studies set {min(taken)}"
     there = plan.scenario.plant
-    if variant(plan, name).scenario.plant == there:
-        return "the plan is that already"
+    try:
+        if variant(plan, name).scenario.plant == there:
+            return "the plan is that already"
+    except UserError as error:
+        return f"the plan's {error}"
     if there.kind == "rigid" and "plant.kind" not in changed and not changed.keys() & {"plant.timestep"}:
         return "the rigid plant has no contact, and one integrator"
     return ""
