@@ -10,13 +10,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from limit_states import LimitState, all_limit_states, linear, parabolic
 
 from sim.trials.plan import ReliabilityStudy
 from sim.trials.plan.montecarlo import RandomAxis
 from sim.trials.reliability.asking import answer
 from sim.trials.reliability.certificate import Certificate, Verdict
 from sim.trials.reliability.differences import beta_difference, probability_difference
-from sim.trials.reliability.limit_states import LimitState, all_limit_states, linear, parabolic
 from sim.trials.reliability.procedure import Found, course
 
 SCALES = (0.5, 0.7, 1.4, 2.0)

@@ -4,11 +4,11 @@ import dataclasses
 import math
 from statistics import NormalDist
 
+import limit_states
 import numpy as np
 import pytest
 
 from sim.trials.reliability import directional as directions
-from sim.trials.reliability import limit_states
 from sim.trials.reliability.asking import DECIMALS, answer, ask, together
 from sim.trials.reliability.certificate import Certificate, Verdict
 from sim.trials.reliability.differences import beta_difference, paired, probability_difference

@@ -12,6 +12,7 @@ from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
 from sim.trials.plan.grid import GridAxis, boundary
 from sim.trials.plan.margin import Margin, MarginAxis, bracket, margin, next_positions
 from sim.trials.plan.montecarlo import RandomAxis
+from sim.trials.reliability.probability import wilson
 from sim.trials.report import stats
 from sim.trials.report.findings import Side, edge_words
 
@@ -151,7 +152,7 @@ def test_a_draw_depends_on_its_axis_and_not_on_those_beside_it() -> None:
 )
 def test_wilson_is_the_published_interval(survived: int, trials: int, low: float, high: float) -> None:
     """Last row: R. G. Newcombe, Statistics in Medicine 17 (1998), table I, method 3."""
-    assert stats.wilson(survived, trials) == pytest.approx((low, high), abs=1e-4)
+    assert wilson(survived, trials) == pytest.approx((low, high), abs=1e-4)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), max_size=60))

@@ -94,7 +94,6 @@ def return_map(
     *,
     hold: float = 0.0,
     substeps: int = 4,
-    start: Vector | None = None,
 ) -> ReturnMap:
     """Fixed point of the closed loop near a gait, and the eigenvalues there.
 
@@ -106,12 +105,11 @@ def return_map(
         gains: ZD+PD gains.
         hold: As in `step`; a held torque moves the fixed point, so it is found by Newton's method.
         substeps: As in `step`.
-        start: Where to look for it, (10,); the gait's state before impact if not given.
 
     Raises:
         NoReturn: the walker does not come back.
     """
-    x = np.r_[gait.q_minus, gait.dq_minus] if start is None else start
+    x = np.r_[gait.q_minus, gait.dq_minus]
     for _ in range(NEWTON_STEPS):
         basis = tangent(model, x[:5])
         now = step(model, gait, gains, x, hold=hold, substeps=substeps)

@@ -16,6 +16,7 @@ _TORQUE_SCALE = 50.0  # [N.m] unit of u in the sparse form
 _RATE_SCALE = 1.0  # [rad/s] unit of w
 _FORCE_SCALE = 100.0  # [N] unit of the softening
 _COST_SCALE = 1e4
+_AT_LIMIT = 1e-3  # [N]
 _AT_BOUND = 1e-4  # [N.m] what counts as sitting at a bound: interior-point methods stop short of it
 
 
@@ -121,8 +122,8 @@ class SparseSolver:
         )
 
 
-def count_active(problem: StageQP, u: Vector, *, torque_tol: float = _AT_BOUND, force_tol: float = 1e-3) -> int:
-    """Constraints that shape the answer: torques within `torque_tol` [N.m] of a bound, rows within `force_tol` [N]."""
-    at_bound = (u - problem.lower < torque_tol) | (problem.upper - u < torque_tol)
+def count_active(problem: StageQP, u: Vector) -> int:
+    """Constraints that shape the answer: torques at a bound, rows at their limit."""
+    at_bound = (u - problem.lower < _AT_BOUND) | (problem.upper - u < _AT_BOUND)
     rows = np.einsum("krj,kj->kr", problem.rows, u) - problem.limits
-    return int(at_bound.sum() + (rows > -force_tol).sum())
+    return int(at_bound.sum() + (rows > -_AT_LIMIT).sum())

@@ -7,11 +7,12 @@ from typing import Any
 
 from sim.bench.figure import Figure
 from sim.bench.substeps import four_substeps, in_substeps
+from sim.runner import cores
 from sim.scenario import Scenario, with_values
 from sim.trials.plan import MonteCarloStudy, Plan
 from sim.trials.plan.montecarlo import RandomAxis
 from sim.trials.run import run_plan
-from sim.trials.run.campaign import Progress, cores
+from sim.trials.run.campaign import Progress
 from sim.trials.run.trial import TrialSpec, run_trial
 
 STEPS = 5

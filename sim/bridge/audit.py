@@ -18,7 +18,7 @@ from sim.bridge.run import build_rig
 from sim.bridge.steadiness import Steadiness, Steady
 from sim.errors import UserError
 from sim.interface import JOINTS, LEGS, ControlStep, Observation, PlantState, Vector
-from sim.loop import RunSummary, Stop, Tapes
+from sim.loop import RunSummary, Tapes
 from sim.loop.tape import EachTick
 from sim.plant import Energy, MujocoPlant, RigidPlant
 from sim.plant.rigid_equations import SLIDING
@@ -262,7 +262,7 @@ class Audit(EachTick):
         return self._energies.about(state.q, state.dq, state.hip, state.dhip, 0.0)
 
 
-def audited(scenario: Scenario, *, stop: Stop | None = None) -> tuple[RunSummary, Findings]:
+def audited(scenario: Scenario) -> tuple[RunSummary, Findings]:
     """Run a scenario, without a log, and audit it.
 
     Raises:
@@ -272,7 +272,7 @@ def audited(scenario: Scenario, *, stop: Stop | None = None) -> tuple[RunSummary
     assert isinstance(rig.plant, MujocoPlant | RigidPlant)
     steady = Steady(round(SETTLING / rig.plant.period))
     with Audit(rig.plant).watching() as audit:
-        summary = rig.run(Tapes(audit, steady), stop=stop)
+        summary = rig.run(Tapes(audit, steady))
     audit.found.steadiness = steady.found()
     return summary, audit.found
 

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -52,8 +51,10 @@ def add_quiet(parser: Any) -> None:
 
 def add_workers(parser: Any) -> None:
     """`--workers`."""
+    from sim.runner import cores
+
     text = "worker processes (default: one for each core)"
-    parser.add_argument("--workers", type=flags.whole(1), default=os.cpu_count() or 1, metavar="INT", help=text)
+    parser.add_argument("--workers", type=flags.whole(1), default=cores(), metavar="INT", help=text)
 
 
 def add_scenario(

@@ -38,8 +38,8 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
 
 
 def _search(found: Namespace) -> int:
+    from sim.runner import cores
     from sim.trials.plan import load_plan
-    from sim.trials.run.campaign import cores
     from sim.trials.weights import search_weights, start_from
 
     plan = load_plan(found.plan)

@@ -3,10 +3,10 @@
 COLOURS = ("#1f6fb2", "#d9722a", "#2f9e6e", "#8a5fbf", "#b8962e", "#c2608f")
 """Of controllers, in the plan's order."""
 
-BLACK, GREY, BLUE, ORANGE, GREEN, RED = "#1a1a1a", "#8c8c8c", "#1f6fb2", "#d9722a", "#2f9e6e", "#c8442f"
+BLACK, GREY, BLUE, ORANGE, RED = "#1a1a1a", "#8c8c8c", "#1f6fb2", "#d9722a", "#c8442f"
 FELL, SURVIVED = RED, "#3d9a63"
-LIGHT, SHADE = "#8a929b2e", "#8a929b26"
-"""Tracks and shaded stretches: see-through, so that they suit light and dark paper."""
+LIGHT = "#8a929b2e"
+"""Tracks: see-through, so that they suit light and dark paper."""
 
 CAUSES = {
     "start": "#9aa1a9",

@@ -25,7 +25,6 @@ Column = NDArray[np.float64]
 GRAVITY = 9.81  # [m/s^2]
 POINTS = 200  # of the orbit
 _LINKS = ("torso", *(f"{leg}_{part}" for leg in LEGS for part in ("femur", "tibia")))
-_TORSO = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

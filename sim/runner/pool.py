@@ -8,6 +8,7 @@ behind it are innocent and go to other workers.
 import collections
 import contextlib
 import dataclasses
+import os
 import pickle
 import signal
 import time
@@ -104,15 +105,12 @@ class Pool:
         self._workers: list[_Worker] = []
         self._lost = 0
 
-    def run(
-        self, arguments: Iterable[Any], stop: Callable[[], object] = lambda: None, *, most: int | None = None
-    ) -> Iterator[End]:
+    def run(self, arguments: Iterable[Any], stop: Callable[[], object] = lambda: None) -> Iterator[End]:
         """Do jobs, in any order.
 
         Args:
             arguments: One for each job; taken as they are needed.
             stop: Asked ten times a second; anything true ends the run, and the jobs that are running.
-            most: Workers to use, fewer than there may be.
 
         Raises:
             UserError: no worker can be started.
@@ -123,7 +121,7 @@ class Pool:
         finished = False
         try:
             while not stop():
-                for worker in self._ready(again, suspects, finished, most):
+                for worker in self._ready(again, suspects, finished):
                     room = 0 if worker.alone else AT_HAND - len(worker.jobs)
                     for _ in range(room):
                         job = again.popleft() if again else None
@@ -145,11 +143,10 @@ class Pool:
                 self.close()
 
     def _ready(
-        self, again: collections.deque[_Job], suspects: collections.deque[_Job], finished: bool, most: int | None
+        self, again: collections.deque[_Job], suspects: collections.deque[_Job], finished: bool
     ) -> list[_Worker]:
         """Workers in order of what they have at hand, new ones among them while there is work for them."""
-        number = min(self._number, most or self._number)
-        wanted = number if not finished else min(number, len(self._busy()) + len(again) + len(suspects))
+        wanted = self._number if not finished else min(self._number, len(self._busy()) + len(again) + len(suspects))
         while len(self._workers) < wanted:
             self._workers.append(self._new())
         return sorted(self._workers, key=lambda worker: len(worker.jobs))
@@ -262,6 +259,11 @@ class Pool:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def cores() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _cause_of_death(code: int | None) -> str:

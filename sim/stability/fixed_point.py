@@ -17,6 +17,8 @@ from sim.stability.step_map import (
 )
 
 SETTLED = 1e-6  # [rad] change of a step at which Newton takes over
+TOLERANCE = 1e-10  # [rad] residual that Newton is to reach
+PERTURBED = 1e-3  # [rad] by Newton's Jacobian
 PATIENCE = 10  # steps without a smaller change after which walking brings nothing more
 SHARP = 1e-4  # [rad] largest residual of a fixed point proper
 BOUNDED = 3e-2
@@ -51,10 +53,8 @@ def find_fixed_point(
     surface: Surface,
     start: Vector,
     *,
-    tolerance: float = 1e-10,
     settling: int = 40,
     newton: int = 8,
-    h: float = 1e-3,
 ) -> FixedPoint:
     """A periodic state: walk until it changes little, then Newton's method on P(x) - x.
 
@@ -64,10 +64,8 @@ def find_fixed_point(
         P: The step map.
         surface: S.
         start: First guess, (10,); it is projected onto S.
-        tolerance: Residual to reach in [rad].
         settling: Most steps to walk.
         newton: Most Newton steps.
-        h: Perturbation of Newton's Jacobian in [rad].
     """
     x = surface.project(start)
     walked, since, steps, message = 0, 0, 0, ""
@@ -93,17 +91,17 @@ def find_fixed_point(
             residual = distance(following, x)
             if residual < least or steps == 0:
                 best, least = x, residual
-            if residual < tolerance or residual > 0.5 * before or steps == newton:
+            if residual < TOLERANCE or residual > 0.5 * before or steps == newton:
                 break  # found, or as good as the map's jumps allow
             before = residual
             V = surface.basis(x)
-            A: Vector = jacobian(P, surface, x, h) - np.eye(9)
+            A: Vector = jacobian(P, surface, x, PERTURBED) - np.eye(9)
             move = -np.asarray(np.linalg.solve(A, reduce(V, following - x)), dtype=np.float64)
             x = surface.project(x + expand(V, move))
     except (Fell, np.linalg.LinAlgError) as error:
         message = message or f"Newton's method leaves the walkable states: {error}"
     scatter = float(np.linalg.norm(scaled(last).std(axis=0))) if len(last) else float("nan")
-    sharp = least < max(tolerance, SHARP)
+    sharp = least < SHARP
     if not sharp and scatter < BOUNDED:
         best = surface.project(last.mean(axis=0))
         least = distance(P(best), best)

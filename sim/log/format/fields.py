@@ -20,10 +20,6 @@ STATUSES = tuple(status.value for status in Status)
 """Code of a status -> `ControlStep.status`. A status not listed here is logged as "other", its text as an
 event. Codes are part of the file format: append, never reorder."""
 
-STATUS_CODES = {status: code for code, status in enumerate(STATUSES)}
-LEG_CODES = {leg: code for code, leg in enumerate(LEGS)}
-"""Part of the file format, as the codes of a status."""
-
 
 class Kind(Enum):
     """What a field holds; each but a series has one size on the wire."""

@@ -8,7 +8,7 @@ from scipy.special import stdtrit
 from sim.reproduce import study
 from sim.reproduce.measure import SEEN_DEPTH
 from sim.reproduce.panels import CONTROLLER_STYLES, LinePanel, Series
-from sim.trials.report.stats import wilson
+from sim.trials.reliability.probability import wilson
 
 KINDS = {
     "encoder": (("sensors.angle_noise", "sensors.torso_noise"), 1e-4, "rad"),

@@ -158,7 +158,7 @@ def estimate(sample: Sample) -> Probability:
     fell, k = sample.fell[known], int(known.sum())
     falls, unknown = int(fell.sum()), len(known) - k
     if sample.method == "crude":
-        low, high = _wilson(falls, k)
+        low, high = wilson(falls, k)
         return Probability(
             value=falls / max(k, 1), low=low, high=high, method="crude", draws=k, falls=falls, unknown=unknown
         )
@@ -184,10 +184,16 @@ def interval(y: Array) -> tuple[float, float]:
     return mean * math.exp(-width), min(1.0, mean * math.exp(width))
 
 
-def _wilson(falls: int, k: int) -> tuple[float, float]:
+def wilson(count: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % score interval for a proportion; (0, 1), of which nothing is known, without trials.
+
+    Args:
+        count: Number of those meant, survivors or falls.
+        trials: Number of trials.
+    """
     from scipy.stats import binomtest
 
-    if not k:
+    if not trials:
         return 0.0, 1.0
-    found = binomtest(falls, k).proportion_ci(LEVEL, method="wilson")
+    found = binomtest(count, trials).proportion_ci(LEVEL, method="wilson")
     return float(found.low), float(found.high)

@@ -8,6 +8,7 @@ from typing import Any
 from sim.trials.plan import GridStudy, MarginStudy, MonteCarloStudy
 from sim.trials.plan.axis import Value, label, spec_of
 from sim.trials.plan.margin import Margin, MarginAxis, margin, next_positions
+from sim.trials.reliability.probability import wilson
 from sim.trials.report import stats
 from sim.trials.run import Results, TrialResult
 
@@ -40,7 +41,7 @@ class Side:
     def mixed_interval(self) -> tuple[float, float] | None:
         """Wilson's 95 % interval of the share that walks from the first fall to the last survivor; None if clean."""
         walked, trials = self.margin.mixed
-        return stats.wilson(walked, trials) if trials else None
+        return wilson(walked, trials) if trials else None
 
     @property
     def share(self) -> float:
@@ -269,7 +270,7 @@ def _rate(controller: str, rows: list[TrialResult]) -> Rate:
         survived=survived,
         trials=trials,
         unknown=len(rows) - trials,
-        interval=stats.wilson(survived, trials),
+        interval=wilson(survived, trials),
     )
 
 

@@ -9,8 +9,9 @@ from sim.pages.palette import CAUSES, FELL, GREY, LIGHT, SURVIVED, colour
 from sim.pages.picture import INK, picture
 from sim.trials.plan.axis import Value, label
 from sim.trials.plan.grid import GridAxis
+from sim.trials.reliability.probability import wilson
 from sim.trials.report.findings import RandomFindings, Side, edge_words
-from sim.trials.report.stats import Attribution, wilson
+from sim.trials.report.stats import Attribution
 from sim.trials.run import TrialResult
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 
 from sim.trials.plan import ReliabilityStudy
 from sim.trials.reliability.differences import unpaired
+from sim.trials.reliability.probability import wilson
 from sim.trials.report.reliability_findings import ReliabilityFindings, reliability_findings
-from sim.trials.report.stats import wilson
 from sim.trials.run import Results
 
 

@@ -10,10 +10,10 @@ from sim.trials.plan.axis import Value
 from sim.trials.reliability.asking import Array
 from sim.trials.reliability.differences import Difference, beta_difference, probability_difference
 from sim.trials.reliability.nearest import Mode
+from sim.trials.reliability.probability import wilson
 from sim.trials.reliability.procedure import Certified, Found
 from sim.trials.reliability.sensitivity import Sobol, halving, importance, sobol, sobol_of_margin
 from sim.trials.reliability.space import Space
-from sim.trials.report.stats import wilson
 from sim.trials.run import Results, TrialResult
 from sim.trials.run.replay import Replay, Replays
 

@@ -5,23 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEVEL = 0.95  # of every interval
-
-
-def wilson(survived: int, trials: int) -> tuple[float, float]:
-    """Wilson's 95 % score interval for a proportion; (0, 1), of which nothing is known, without trials.
-
-    Args:
-        survived: Number of survivors.
-        trials: Number of trials.
-    """
-    from scipy.stats import binomtest
-
-    if not trials:
-        return 0.0, 1.0
-    found = binomtest(survived, trials).proportion_ci(LEVEL, method="wilson")
-    return float(found.low), float(found.high)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:

@@ -4,7 +4,6 @@ What to run next follows from the plan and the results there are, never from any
 campaign goes on after a kill as it would have without.
 """
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import UserError
+from sim.runner import cores
 from sim.trials.plan import CertificateStudy, MarginStudy, Plan, ReliabilityStudy
 from sim.trials.plan.limits import limits_of
 from sim.trials.plan.margin import next_positions
@@ -197,11 +197,6 @@ def run_plan(
         except BaseException:
             store.close()
             raise
-
-
-def cores() -> int:
-    """Processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _agreed(plan: Plan, store: Store, folder: Path) -> Plan:
