@@ -200,7 +200,7 @@ def test_another_walker_gets_its_own_gait(tmp_path, gains):
 
 def test_a_gait_file_comes_back_to_the_last_bit(model, designed, tmp_path):
     path = tmp_path / "g.toml"
-    gait_file.write(path, gait_file.to_toml(model, designed.gait, designed.orbit))
+    path.write_text(gait_file.to_toml(model, designed.gait, designed.orbit))
     again = load_gait(path, model)
     assert np.array_equal(again.alpha, designed.gait.alpha)
     assert np.array_equal(again.dq_minus, designed.gait.dq_minus)

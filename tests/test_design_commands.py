@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import re
 from pathlib import Path
 
@@ -46,6 +47,30 @@ def test_polish_then_plot(capsys, tmp_path):
     code, out, _ = run(capsys, "gait", "polish", "paper", "--out", file, "--plot", picture, "--json")
     assert code == 0 and json.loads(out)["largest_change_rad"] <= 0.02
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_gait_file_is_written_whole_or_not_at_all_as_the_umask_says(capsys, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left")
+
+    file, before = tmp_path / "p.toml", os.umask(0o077)
+    try:
+        assert run(capsys, "gait", "polish", "paper", "--out", file)[0] == 0
+    finally:
+        os.umask(before)
+    kept = file.read_bytes()
+    assert file.stat().st_mode & 0o777 == 0o600
+    monkeypatch.setattr(os, "replace", full)
+    code, _, err = run(capsys, "gait", "polish", "paper", "--out", file, "--force")
+    assert code == 2 and "cannot be written: No space left" in err and err.count("\n") == 1
+    assert [*tmp_path.iterdir()] == [file] and file.read_bytes() == kept
+
+
+def test_a_gait_of_a_file_name_that_is_no_text_is_written(capsys, tmp_path):
+    odd, file = tmp_path / "p\udcff.toml", tmp_path / "p.toml"
+    odd.write_bytes((RABBIT / "gaits" / "paper.toml").read_bytes())
+    assert run(capsys, "gait", "polish", odd, "--out", file)[0] == 0
+    assert "cmpc gait polish p?.toml" in file.read_text(encoding="utf-8")
 
 
 def test_a_walker_from_its_urdf_to_its_walk(capsys, tmp_path):

@@ -1,11 +1,6 @@
-"""Write a gait as the file that `controller.belief.gait.load_gait` reads."""
-
-import os
-import tempfile
-from pathlib import Path
+"""A gait as the text of a file that `controller.belief.gait.load_gait` reads."""
 
 from controller.belief import Gait, WalkerModel
-from controller.common.errors import UserError
 from controller.common.records import Vector
 from controller.design.orbit import Orbit
 
@@ -50,24 +45,6 @@ def to_toml(model: WalkerModel, gait: Gait, orbit: Orbit, remarks: tuple[str, ..
         f"peak_torque = [{', '.join(f'{u:.4g}' for u in abs(orbit.u).max(axis=0))}]  # [N.m]",
     ]
     return "\n".join(lines) + "\n"
-
-
-def write(path: Path, text: str) -> None:
-    """Write a file whole or not at all; into a device or a pipe.
-
-    Raises:
-        UserError: it cannot be written.
-    """
-    try:
-        if path.exists() and not path.is_file():
-            path.write_text(text, encoding="utf-8")
-            return
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _numbers(values: Vector) -> str:

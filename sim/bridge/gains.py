@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from controller.belief import Gains
+from controller.common import files
 from controller.design import gains as gain_search
-from controller.design import gait_file
 from sim import search
 from sim.bridge.gaits import belief
 from sim.walkers import WalkerFolder
@@ -83,7 +83,7 @@ def search_gains(
     if result["found"]["score"] > result["start"]["score"]:  # a start outside the bounds that was moved into them
         say("nothing better than the start was found: the start is kept")
         result["found"] = result["start"]
-    gait_file.write(out, _scenario(WalkerFolder.find(walker), known_belief.path, result, period))
+    files.write(out, _scenario(WalkerFolder.find(walker), known_belief.path, result, period))
     return result
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from controller.belief import WalkerModel, load_gait
-from controller.common import toml
+from controller.common import files, toml
 from controller.design import frost, gait_file, imported
 from controller.design.orbit import periodic_orbit
 from controller.design.polish import polish
@@ -68,7 +68,7 @@ def import_gait(
         "step_time_file_s": step.time,
         "step_time_s": orbit.step_time,
     }
-    gait_file.write(out, gait_file.to_toml(model, gait, orbit, (remark,)))
+    files.write(out, gait_file.to_toml(model, gait, orbit, (remark,)))
     return Belief(model=model, gait=load_gait(out, model), path=out), apart
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.belief import Gait, WalkerModel, load_gait
+from controller.common import files
 from controller.common.records import ROLES
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
@@ -113,7 +114,7 @@ def polish_gait(found: Belief, out: Path, *, force: bool) -> Belief:
     check_new_file(out, remark, force=force)
     gait = polish(found.model, found.gait)
     orbit = periodic_orbit(found.model, gait)
-    gait_file.write(out, gait_file.to_toml(found.model, gait, orbit, (remark,)))
+    files.write(out, gait_file.to_toml(found.model, gait, orbit, (remark,)))
     return Belief(model=found.model, gait=load_gait(out, found.model), path=out)
 
 
@@ -164,7 +165,7 @@ def design_gait(
         say=say,
         name=name or out.stem,
     )
-    gait_file.write(out, gait_file.to_toml(model, found.gait, found.orbit, (remark,)))
+    files.write(out, gait_file.to_toml(model, found.gait, found.orbit, (remark,)))
     return Belief(model=model, gait=load_gait(out, model), path=out), found
 
 

@@ -3,12 +3,8 @@
 import functools
 import json
 import math
-import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from sim.errors import UserError
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -30,37 +26,6 @@ def render(template: str, **values: Any) -> str:
         values: What the template asks for.
     """
     return _environment().get_template(template).render(**values)
-
-
-def write(path: Path, text: str) -> None:
-    """Write a file whole or not at all; one of that name is replaced, a device or a pipe is written into.
-
-    Raises:
-        UserError: it cannot be written.
-    """
-    try:
-        if path.exists() and not path.is_file():
-            path.write_bytes(text.encode("utf-8", errors="replace"))
-            return
-        with tempfile.NamedTemporaryFile("wb", dir=path.parent, prefix=f".{path.name}-", delete=False) as file:
-            part = Path(file.name)
-            try:
-                file.write(text.encode("utf-8", errors="replace"))
-                file.close()
-                part.chmod(0o666 & ~_umask())
-                part.replace(path)
-            except BaseException:
-                part.unlink(missing_ok=True)
-                raise
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def _umask() -> int:
-    """Bits that files of this process do not get."""
-    now = os.umask(0)
-    os.umask(now)
-    return now
 
 
 def link(href: str, text: str) -> "Markup":
