@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from conftest import RABBIT
 from random_walkers import scaled_urdf
 
+from controller.common.toml import quoted
 from controller.design.requirements import Requirements
 from sim.bridge.gaits import check_new_file
 from sim.cli import main
@@ -66,11 +68,17 @@ def test_a_gait_file_is_written_whole_or_not_at_all_as_the_umask_says(capsys, tm
     assert [*tmp_path.iterdir()] == [file] and file.read_bytes() == kept
 
 
-def test_a_gait_of_a_file_name_that_is_no_text_is_written(capsys, tmp_path):
-    odd, file = tmp_path / "p\udcff.toml", tmp_path / "p.toml"
-    odd.write_bytes((RABBIT / "gaits" / "paper.toml").read_bytes())
+def test_a_gait_of_any_name_is_written_as_toml(capsys, tmp_path):
+    text, file = (RABBIT / "gaits" / "paper.toml").read_text(), tmp_path / "p.toml"
+    odd = tmp_path / "p\udcff.toml"  # a name that UTF-8 cannot encode, which is the gait's where it has no other
+    odd.write_text(re.sub("(?m)^name = .*", "", text))
     assert run(capsys, "gait", "polish", odd, "--out", file)[0] == 0
-    assert "cmpc gait polish p?.toml" in file.read_text(encoding="utf-8")
+    assert tomllib.loads(file.read_text(encoding="utf-8"))["name"] == "p?-polished"
+    name = 'two\nlines\t\\ "\x7f\x01 \U0001f6b6'
+    odd.write_text(re.sub("(?m)^name = .*", lambda _: f"name = {quoted(name)}", text))
+    for force in (["--force"], []):  # the second time the file is known as one of the same making
+        assert run(capsys, "gait", "polish", odd, "--out", file, *force)[0] == 0
+        assert tomllib.loads(file.read_text(encoding="utf-8"))["name"] == f"{name}-polished"
 
 
 def test_a_walker_from_its_urdf_to_its_walk(capsys, tmp_path):

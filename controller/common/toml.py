@@ -3,6 +3,7 @@
 Common ground of both worlds: it knows nothing of a walker.
 """
 
+import json
 import tomllib
 from typing import Any
 
@@ -21,3 +22,13 @@ def loads(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("its tables or arrays are nested too deeply") from None
+
+
+def quoted(text: str) -> str:
+    """A text as a string of TOML: JSON's, but that JSON leaves the character 127 as it is."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def comment(text: str) -> str:
+    """A text as a comment of TOML, which is one line and holds no control characters."""
+    return "# " + "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -2,6 +2,7 @@
 
 from controller.belief import Gait, WalkerModel
 from controller.common.records import Vector
+from controller.common.toml import comment, quoted
 from controller.design.orbit import Orbit
 
 
@@ -16,12 +17,12 @@ def to_toml(model: WalkerModel, gait: Gait, orbit: Orbit, remarks: tuple[str, ..
     """
     rows = ",\n".join(f"  {_numbers(row)}" for row in gait.alpha)
     lines = [
-        *(f"# {line}" for line in remarks),
+        *map(comment, remarks),
         "# Units: rad, rad/s, m, s. q = (stance hip, swing hip, stance knee, swing knee, torso).",
-        f"name = {_string(gait.name)}",
-        f"walker = {_string(model.path.stem)}",
-        f"fingerprint = {_string(model.fingerprint)}  # of the links it was made for",
-        f"source = {_string(gait.source)}",
+        f"name = {quoted(gait.name)}",
+        f"walker = {quoted(model.path.stem)}",
+        f"fingerprint = {quoted(model.fingerprint)}  # of the links it was made for",
+        f"source = {quoted(gait.source)}",
         "",
         f"degree = {gait.alpha.shape[1] - 1}",
         f"clock = {_numbers(gait.clock)}",
@@ -49,7 +50,3 @@ def to_toml(model: WalkerModel, gait: Gait, orbit: Orbit, remarks: tuple[str, ..
 
 def _numbers(values: Vector) -> str:
     return "[" + ", ".join(repr(float(value)) for value in values) + "]"
-
-
-def _string(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,6 +1,5 @@
 """`cmpc gains`: a search on the controller's belief, its record, its result as a scenario."""
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 
 from controller.belief import Gains
 from controller.common import files
+from controller.common.toml import quoted
 from controller.design import gains as gain_search
 from sim import search
 from sim.bridge.gaits import belief
@@ -103,8 +103,8 @@ def _scenario(folder: WalkerFolder, gait: Path, result: Mapping[str, Any], perio
             f"# Magnitudes of the eigenvalues of the Poincare map, torque held for {period:g} s:",
             *(line(name) for name in ("start", "paper", "found")),
             'description = "Gains found by cmpc gains search"',
-            f"walker = {json.dumps(folder.name if folder.is_shipped else str(folder.urdf.parent))}",
-            f"gait = {json.dumps(gait.stem if shipped else os.path.abspath(gait))}",
+            f"walker = {quoted(folder.name if folder.is_shipped else str(folder.urdf.parent))}",
+            f"gait = {quoted(gait.stem if shipped else os.path.abspath(gait))}",
             "",
             "[controller]",
             f"kp = {[round(x, 6) for x in found['kp']]}  # [1/s^2]",

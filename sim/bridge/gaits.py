@@ -11,6 +11,7 @@ from typing import Any
 from controller.belief import Gait, WalkerModel, load_gait
 from controller.common import files
 from controller.common.records import ROLES
+from controller.common.toml import comment
 from controller.design import gait_file
 from controller.design.check import Report, check, requirements_of
 from controller.design.compare import Comparison, compare
@@ -262,7 +263,7 @@ def check_new_file(out: Path, remark: str | None, *, force: bool) -> None:
             first = out.read_text(encoding="utf-8").partition("\n")[0]
         except (OSError, UnicodeDecodeError):
             first = ""
-        if remark is None or first != f"# {remark}":
+        if remark is None or first != comment(remark):
             raise UserError(f"{out}: another file is there; choose another --out, or write over it with --force")
     if not out.parent.is_dir():
         raise UserError(f"--out {out}: {out.parent} is no folder; make it first or choose another path")
