@@ -102,6 +102,38 @@ def test_an_mjcf_is_taken_over_whole(capsys, tmp_path):
     assert model.torso.com_across > 0.0
 
 
+def test_files_that_an_mjcf_includes_are_found_where_mujoco_finds_them(capsys, tmp_path):
+    """Beside the main file first, then beside the including one; XML in another order is the same robot."""
+    text, (folder, deeper) = robots.mjcf(), (tmp_path / "parts", tmp_path / "parts" / "parts")
+    deeper.mkdir(parents=True)
+    legs = text[text.index('<body name="thigh"') : text.index("    </body>\n  </worldbody>")]
+    (folder / "legs.xml").write_text(f"<mujoco>{legs}</mujoco>")
+    (deeper / "legs.xml").write_text("<mujoco/>")
+    (folder / "both.xml").write_text('<mujoco><include file="parts/legs.xml"/><include file="site.xml"/></mujoco>')
+    (folder / "site.xml").write_text('<mujoco><site name="beside"/></mujoco>')
+    code, _, err, made_of = made(
+        capsys, tmp_path, text.replace(legs, '<include file="parts/both.xml"/>'), [], "mjcf", "xml"
+    )
+    assert code == 0, err
+    kept = (made_of / "published.xml").read_text()
+    assert "include" not in kept and kept.count("thigh") == text.count("thigh") and "beside" in kept
+    worst, legal = proof_of(made_of, WalkerModel(made_of / "mine.urdf"))
+    assert max(worst.values()) <= legal
+
+
+@pytest.mark.parametrize("where", ["<!-- {} -->", '<site name="{}"/>'])
+@pytest.mark.parametrize("included", [True, False])
+def test_an_mjcf_that_is_not_in_utf_8_is_one_line(capsys, tmp_path, where, included):
+    text, odd = robots.mjcf(), where.format("é")
+    text = text.replace("<worldbody>", "<worldbody>" + ('<include file="odd.xml"/>' if included else odd))
+    (tmp_path / "odd.xml").write_bytes(f"<mujoco>{odd}<site name='x'/></mujoco>".encode("latin-1"))
+    file = tmp_path / "published.xml"
+    file.write_bytes(text.encode("latin-1"))
+    code, _, err = run(capsys, "walker", "new", tmp_path / "mine", "--mjcf", file)
+    assert code == 2 and "must be an MJCF in UTF-8" in err and err.count("\n") == 1, err
+    assert ("odd.xml" if included else "published.xml") in err and not (tmp_path / "mine").exists()
+
+
 def test_a_file_in_our_conventions_is_copied(capsys, tmp_path, model):
     text = model.path.read_text()
     code, _, _, folder = made(capsys, tmp_path, text, [])

@@ -53,11 +53,12 @@ def bare(path: Path) -> tuple[mujoco.MjSpec, list[Row]]:
     """The file without meshes, textures and what else lies in other files.
 
     Raises:
-        UserError: missing, or not an MJCF.
+        UserError: missing, not an MJCF, or not in UTF-8.
     """
     if not path.is_file():
         raise UserError(f"{path}: no such file; expected an MJCF")
     spec = mjcf.read_spec(path, str(path))
+    whole(path)  # names that are not UTF-8 MuJoCo reads, but cannot hand over
     rows = []
     meshes = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
     for geom in meshes:
@@ -78,29 +79,40 @@ def bare(path: Path) -> tuple[mujoco.MjSpec, list[Row]]:
     return spec, rows
 
 
-def whole(path: Path, depth: int = 0) -> str:
+def whole(path: Path) -> str:
     """The file's text, what it includes in its place.
 
     Raises:
-        UserError: an included file is missing or not XML.
+        UserError: it, or a file that it includes, is missing, no text in UTF-8 or not XML.
     """
-    text = path.read_text(encoding="utf-8-sig")
-    if "<include" not in text:
-        return text
+    text = _text(path)
+    return ET.tostring(_root(path, path.parent, 0), encoding="unicode") if "<include" in text else text
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: cannot be read ({error}); must be an MJCF in UTF-8") from error
+
+
+def _root(path: Path, main: Path, depth: int) -> ET.Element:
+    """A file's root element; what it includes lies in the main file's folder, or else in its own, as for MuJoCo."""
     if depth > DEEPEST:
         raise UserError(f"{path}: includes nested more than {DEEPEST} deep")
     try:
-        root = ET.fromstring(text)
+        root = ET.fromstring(_text(path))
     except ET.ParseError as error:
         raise UserError(f"{path}: not an XML file ({error})") from error
     for parent in list(root.iter()):
         for place, item in reversed(list(enumerate(parent))):
             if item.tag == "include":
                 parent.remove(item)
-                inner = ET.fromstring(whole(path.parent / item.get("file", ""), depth + 1))
+                name = item.get("file", "")
+                inner = _root((main if (main / name).is_file() else path.parent) / name, main, depth + 1)
                 for child in reversed(list(inner)):
                     parent.insert(place, child)
-    return ET.tostring(root, encoding="unicode")
+    return root
 
 
 def _body(model: mujoco.MjModel, body: int, last: dict[int, str], motors: dict[int, float], path: Path) -> list[Link]:
