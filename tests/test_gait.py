@@ -1,11 +1,15 @@
 """Outputs over the clock, and gait files that are refused by name, value and unit."""
 
+import re
+import subprocess
+import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import oracle
 import pytest
-from conftest import RABBIT
+from conftest import RABBIT, ROOT
 
 from controller.belief import kernels, load_gait
 from controller.belief.closed_loop import outputs
@@ -133,3 +137,28 @@ def test_a_gait_file_that_is_no_text_is_refused(tmp_path, model):
     (tmp_path / "bad.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UserError, match=r"bad\.toml: not a TOML file"):
         load_gait(tmp_path / "bad.toml", model)
+
+
+def test_a_gait_file_that_cannot_be_read_is_refused(tmp_path, model, monkeypatch):
+    def denied(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    path = tmp_path / "mine.toml"
+    path.write_text(PAPER)
+    monkeypatch.setattr(Path, "read_text", denied)
+    with pytest.raises(UserError, match=r"mine\.toml: cannot be read: Permission denied"):
+        load_gait(path, model)
+
+
+def test_a_gait_file_is_utf_8_whatever_the_locale(tmp_path):
+    """In a Python that raises where the locale would choose an encoding."""
+    path, urdf = tmp_path / "mine.toml", RABBIT / "rabbit.urdf"
+    path.write_text(re.sub("(?m)^name = .*", 'name = "trot é"', PAPER), encoding="utf-8")
+    code = (
+        "import sys, warnings\nfrom pathlib import Path\nfrom controller.belief import WalkerModel, load_gait\n"
+        "model = WalkerModel(Path(sys.argv[2]))\nwarnings.simplefilter('error', EncodingWarning)\n"
+        "print(ascii(load_gait(Path(sys.argv[1]), model).name))"
+    )
+    words = [sys.executable, "-X", "warn_default_encoding", "-c", code, path, urdf]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.strip() == r"'trot \xe9'", done.stderr

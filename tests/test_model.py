@@ -1,6 +1,7 @@
 """Laws of mechanics the belief obeys, and the files it refuses."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import oracle
@@ -148,6 +149,15 @@ def refuse(path, *words):
 
 def test_missing_file(tmp_path):
     refuse(tmp_path / "none.urdf", "no such")
+
+
+def test_unreadable_file(tmp_path, monkeypatch):
+    def denied(*_):
+        raise PermissionError(13, "Permission denied")
+
+    path = edited(tmp_path, "torso", "torso")
+    monkeypatch.setattr(Path, "read_bytes", denied)
+    refuse(path, "cannot be read: Permission denied")
 
 
 @pytest.mark.parametrize("content", ["", "not xml", "<robot name='x'/>", "<mujoco/>"])

@@ -110,13 +110,15 @@ def load_gait(path: Path, model: WalkerModel) -> Gait:
         model: The walker it is for; its impact map judges periodicity.
 
     Raises:
-        UserError: file missing, of wrong shape, not finite, for a walker of other links, or not periodic
+        UserError: file missing, unreadable, of wrong shape, not finite, for a walker of other links, or not periodic
             within its tolerance.
     """
     if not path.is_file():
         raise UserError(f"{path}: no such gait file")
     try:
-        data = toml.loads(path.read_text())
+        data = toml.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:  # UnicodeDecodeError is one
         raise UserError(f"{path}: not a TOML file ({error})") from error
     return parse_gait(data, str(path), model)

@@ -42,12 +42,14 @@ def parse(path: Path) -> ET.Element:
     """The file's root element.
 
     Raises:
-        UserError: missing, or not the XML of a robot.
+        UserError: missing, unreadable, or not the XML of a robot.
     """
     if not path.is_file():
         raise UserError(f"{path}: no such walker file; expected the URDF of a five-link walker")
     try:
         root = ET.fromstring(path.read_bytes())
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     except (ET.ParseError, ValueError, LookupError) as error:
         raise UserError(f"{path}: not a URDF Pinocchio can read ({str(error).splitlines()[0]})") from error
     if root.tag != "robot":

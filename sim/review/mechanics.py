@@ -177,7 +177,7 @@ def mechanics_of(run: Run, columns: dict[str, Column]) -> dict[str, Column]:
         with unpacked(scenario, run.log.attachments) as files:
             links = Links.of(scenario.plant, files.mjcf)
             nominal = Links.of(PlantSettings(), files.mjcf)
-            gait = toml.loads(files.gait.read_text())
+            gait = toml.loads(files.gait.read_text(encoding="utf-8"))
         orbit = Orbit.of(gait, nominal)
     except (UserError, ValueError, KeyError, TypeError, IndexError, OSError):
         return {}
