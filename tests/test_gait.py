@@ -98,6 +98,16 @@ BAD = {
         lambda text: text.replace("-0.85]", "-1.85]"),
         ["not periodic", "rates after", "rad/s", "up to 0.1 rad/s"],
     ),
+    "integer beyond a float": (lambda text: text.replace("3.66", "9" * 400), ["alpha", "numbers"]),
+    "integer beyond words": (lambda text: text.replace("degree = 6", f"degree = 0x{'f' * 5000}"), ["TOML", "digits"]),
+    "degree beyond a float": (
+        lambda text: text.replace("degree = 6", f"degree = {'9' * 400}"),
+        [f"degree = {'9' * 40} but", "7 columns"],
+    ),
+    "tolerance beyond a float": (
+        lambda text: text.replace("_rad = 0.01", f"_rad = {'9' * 400}"),
+        [f"periodicity_tolerance_rad = {'9' * 40}; must be", "up to 1e+06"],
+    ),
     "tolerance zero": (
         lambda text: text.replace("_rad = 0.01", "_rad = 0"),
         ["periodicity_tolerance_rad = 0", "above 0"],

@@ -163,6 +163,11 @@ def test_bezier_outputs_over_another_clock(capsys, tmp_path, polished, orbit):
     assert found["step_time_s"] == pytest.approx(orbit.step_time, rel=1e-6)
 
 
+def bezier(**changes):
+    rows = {"outputs": '["a", "b", "c", "d"]', "clock": "{a = 1, e = 1}", "clock_range": "[0, 1]"}
+    return "".join(f"{key} = {value}\n" for key, value in (rows | {"alpha": 4 * [4 * [0]]} | changes).items())
+
+
 BAD = {
     "too short": ("a.csv", "t,torso\n0,1\n", ["1 samples", "12 or more"]),
     "a word": ("a.csv", "t,torso\n" + "0,x\n" * 20, ["line 2", "'x'"]),
@@ -175,6 +180,9 @@ BAD = {
     "no outputs": ("a.toml", "alpha = [1]\n", ["outputs", "four"]),
     "not TOML": ("a.toml", "alpha", ["TOML"]),
     "a list": ("a.json", "[1]", ["list"]),
+    "beyond a float": ("a.toml", bezier(alpha=f"[[{'9' * 400}]]"), ["alpha", "numbers"]),
+    "a clock beyond a float": ("a.toml", bezier(clock=f"{{a = 1, e = {'9' * 400}}}"), ["clock", "up to 1e+06"]),
+    "an offset beyond a float": ("a.toml", bezier(clock_offset="9" * 400), [f"clock_offset = {'9' * 40};", "number"]),
     "no clock": ("a.toml", 'outputs = ["a","b","c","d"]\nclock = {a = 1}\n', ["clock", "one more"]),
 }
 

@@ -143,9 +143,10 @@ def parse_gait(data: dict[str, Any], where: str, model: WalkerModel) -> Gait:
     )
     if gait.clock[-1] == 0.0:
         raise UserError(f"{where}: clock[4] = 0.0; must not be 0, the clock must feel the torso angle")
-    if "degree" in data and data["degree"] != alpha.shape[1] - 1:
+    degree = data.get("degree", alpha.shape[1] - 1)
+    if degree != alpha.shape[1] - 1:
         raise UserError(
-            f"{where}: degree = {data['degree']!r} but alpha has {alpha.shape[1]} columns; must be degree + 1 columns"
+            f"{where}: degree = {degree!r:.40} but alpha has {alpha.shape[1]} columns; must be degree + 1 columns"
         )
     _check_periodic(gait, data, where, model)
     return gait
@@ -177,8 +178,8 @@ def _check_periodic(gait: Gait, data: dict[str, Any], where: str, model: WalkerM
 
 def _tolerance(data: dict[str, Any], key: str, default: float, where: str) -> float:
     value = data.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
-        raise UserError(f"{where}: {key} = {value!r}; must be a number above 0")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value <= LARGEST:
+        raise UserError(f"{where}: {key} = {value!r:.40}; must be a number above 0, up to {LARGEST:g}")
     return float(value)
 
 
@@ -189,7 +190,7 @@ def _array(data: dict[str, Any], key: str, where: str, *, size: int | None = Non
         raise UserError(f"{where}: {key} is missing; must be {legal}")
     try:
         array = np.array(data[key], dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise UserError(f"{where}: {key} is not an array of numbers; must be {legal}") from error
     fits = array.shape == (size,) if size else array.ndim == 2 and array.shape[0] == rows and array.shape[1] >= 3
     if not fits:

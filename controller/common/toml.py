@@ -19,9 +19,11 @@ def loads(text: str) -> dict[str, Any]:
             arrays nested deeper than its stack.
     """
     try:
-        return tomllib.loads(text)
+        found = tomllib.loads(text)
+        repr(found)  # refuses integers in hexadecimal as those in decimals: no message could tell them
     except RecursionError:
         raise ValueError("its tables or arrays are nested too deeply") from None
+    return found
 
 
 def quoted(text: str) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from controller.belief import Gait, WalkerModel
+from controller.belief.gait import LARGEST
 from controller.common.errors import UserError
 from controller.common.records import Vector
 from controller.design.parameters import CLOCK, closed
@@ -87,8 +88,10 @@ def sample_bezier(data: Mapping[str, Any], where: str) -> dict[str, Vector]:
     outputs, clock = data.get("outputs"), data.get("clock")
     if not (isinstance(outputs, list) and len(outputs) == 4 and all(isinstance(name, str) for name in outputs)):
         raise UserError(f"{where}: outputs = {str(outputs)[:60]}; must be the names of four coordinates")
-    if not (isinstance(clock, Mapping) and all(isinstance(c, int | float) for c in clock.values())):
-        raise UserError(f"{where}: clock = {str(clock)[:60]}; must be a table of coefficients by coordinate")
+    if not (isinstance(clock, Mapping) and all(map(_is_number, clock.values()))):
+        raise UserError(
+            f"{where}: clock = {str(clock)[:60]}; must be a table of coefficients by coordinate, up to {LARGEST:g}"
+        )
     fifth = [name for name in clock if name not in outputs]
     if len(fifth) != 1 or not clock[fifth[0]]:
         raise UserError(f"{where}: clock has {fifth} beside the outputs; must be one more, its coefficient not 0")
@@ -96,8 +99,8 @@ def sample_bezier(data: Mapping[str, Any], where: str) -> dict[str, Vector]:
     if alpha.ndim != 2 or alpha.shape[0] != 4 or alpha.shape[1] < 4 or span.shape != (2,) or span[0] == span[1]:
         raise UserError(f"{where}: alpha {alpha.shape}, clock_range {span.shape}; must be (4, 4 or more), (2,)")
     offset = data.get("clock_offset", 0.0)
-    if isinstance(offset, bool) or not isinstance(offset, int | float) or not math.isfinite(offset):
-        raise UserError(f"{where}: clock_offset = {str(offset)[:40]}; must be a number")
+    if not _is_number(offset):
+        raise UserError(f"{where}: clock_offset = {str(offset)[:40]}; must be a number up to {LARGEST:g}")
     s = np.linspace(0.0, 1.0, SAMPLES)
     values = alpha @ _basis(s, alpha.shape[1] - 1).T
     rest = span[0] + s * (span[1] - span[0]) - offset
@@ -114,10 +117,14 @@ def _basis(s: Vector, degree: int) -> Vector:
     return np.array([[math.comb(degree, k) * x**k * (1.0 - x) ** (degree - k) for k in range(degree + 1)] for x in s])
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
+
+
 def _numbers(data: Mapping[str, Any], key: str, where: str) -> Vector:
     try:
         found = np.array(data[key], dtype=float)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise UserError(f"{where}: {key} is missing or no array of numbers") from error
     if not np.isfinite(found).all():
         raise UserError(f"{where}: {key} holds a value that is not finite")
