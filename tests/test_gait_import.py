@@ -171,6 +171,9 @@ def bezier(**changes):
 BAD = {
     "too short": ("a.csv", "t,torso\n0,1\n", ["1 samples", "12 or more"]),
     "a word": ("a.csv", "t,torso\n" + "0,x\n" * 20, ["line 2", "'x'"]),
+    "blank lines": ("a.csv", "t,torso\n\n \n" + "0,1\n" * 12 + ",\n\n0,1,2\n", ["line 18: 3 cells", "2 numbers"]),
+    "two of a name": ("a.csv", "t,torso, t\n" + "0,1,2\n" * 20, ["2 columns 't'", "one of each"]),
+    "a cell too large": ("a.csv", "t,torso\n" + "0,1\n" * 20 + "0," + "1" * 2**18, ["line 22", "field larger"]),
     "a column": ("a.csv", "t,torso\n" + "0,1\n" * 20, ["no column left_hip", "t, torso"]),
     "backwards": (
         "a.csv",

@@ -6,6 +6,7 @@ ends kept exactly, and polished to the nearest exactly periodic gait.
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -52,23 +53,30 @@ def read_csv(text: str, where: str) -> dict[str, Vector]:
     """Columns of a CSV with a header, numbers below it.
 
     Raises:
-        UserError: no header, or a cell that is no number.
+        UserError: no header, a cell that is no number, or two columns of one name.
     """
-    rows = [row for row in csv.reader(text.splitlines()) if row and any(cell.strip() for cell in row)]
-    if len(rows) <= FEWEST:
+    reader = csv.reader(text.splitlines())
+    try:
+        lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise UserError(f"{where}: line {reader.line_num}: {error}; must be a CSV of numbers") from error
+    if len(lines) <= FEWEST:
         raise UserError(
-            f"{where}: {max(len(rows) - 1, 0)} samples below the header; must be {FEWEST} or more, of one step"
+            f"{where}: {max(len(lines) - 1, 0)} samples below the header; must be {FEWEST} or more, of one step"
         )
-    names = [cell.strip() for cell in rows[0]]
-    values = np.empty((len(rows) - 1, len(names)))
-    for number, row in enumerate(rows[1:]):
+    names = [cell.strip() for cell in lines[0][1]]
+    if len({*names}) < len(names):
+        name, count = Counter(names).most_common(1)[0]
+        raise UserError(f"{where}: {count} columns {name[:40]!r}; must be one of each name")
+    values = np.empty((len(lines) - 1, len(names)))
+    for sample, (number, row) in zip(values, lines[1:], strict=True):
         try:
             if len(row) != len(names):
                 raise ValueError(f"{len(row)} cells")
-            values[number] = [float(cell) for cell in row]
+            sample[:] = [float(cell) for cell in row]
         except ValueError as error:
             legal = f"{len(names)} numbers as in the header"
-            raise UserError(f"{where}: line {number + 2}: {error}; must be {legal}") from error
+            raise UserError(f"{where}: line {number}: {str(error)[:100]}; must be {legal}") from error
     if not np.isfinite(values).all():
         raise UserError(f"{where}: a value is not finite")
     return {name: values[:, i] for i, name in enumerate(names)}
