@@ -1,6 +1,7 @@
 """What any controller could hold: the model is the belief's, the walk found obeys it, and bad questions are refused."""
 
 import dataclasses
+import json
 import subprocess
 import sys
 
@@ -205,6 +206,21 @@ def test_a_row_of_other_meshes_or_fewer_guesses_is_asked_for_again():
     row = {"intervals": [8, 12], "starts": ["2.1", "none"]}
     assert question.searched_as(row) and question.searched_as({"meshes": [[8, 2.0], [12, 2.1]], "starts": ["2", "2"]})
     assert not question.searched_as(row | {"intervals": [8]}) and not question.searched_as(row | {"starts": ["2.1"]})
+
+
+@pytest.mark.parametrize("line", ["intervals = 5", "meshes = 3", "meshes = [8, 12]", "meshes = [[8]]", "starts = 3"])
+def test_a_row_that_says_no_meshes_or_guesses_is_asked_for_again(line, found, tmp_path, monkeypatch, capsys):
+    key, _, value = line.partition(" = ")
+    row = found.record()
+    del row["intervals"]  # without them the meshes count
+    row[key] = json.loads(value)
+    path, asked = tmp_path / "limits.toml", []
+    Limits(walker=fingerprint("rabbit", GAIT), gait=GAIT, rows=(row,)).write(path)
+    assert f"\n{line}\n" in path.read_text()
+    monkeypatch.setattr("sim.bridge.limits.ask", lambda question, *_, **__: asked.append(question.axis) or found)
+    words = ["limit", "--all", "--quiet", "--intervals", *map(str, found.question.intervals), "--starts", "1"]
+    assert cli.main([*words, "--gait", GAIT, "--out", str(path)]) == 0, capsys.readouterr().err
+    assert "push-back" in asked
 
 
 def test_python_asks_as_the_command_does():

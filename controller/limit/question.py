@@ -94,8 +94,11 @@ class Question:
 
     def searched_as(self, row: dict[str, Any]) -> bool:
         """Whether a row of a file of limits was found on these meshes, from as many guesses."""
-        meshes = row.get("intervals", [intervals for intervals, _ in row.get("meshes", ())])
-        return (tuple(meshes), len(row.get("starts", ()))) == (self.intervals, self.starts)
+        try:
+            meshes = row.get("intervals", [intervals for intervals, _ in row.get("meshes", ())])
+            return (tuple(meshes), len(row.get("starts", ()))) == (self.intervals, self.starts)
+        except (TypeError, ValueError):  # a row from elsewhere, which has no lists there
+            return False
 
     @property
     def pushed_time(self) -> float | None:
