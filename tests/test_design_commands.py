@@ -81,6 +81,25 @@ def test_a_gait_of_any_name_is_written_as_toml(capsys, tmp_path):
         assert tomllib.loads(file.read_text(encoding="utf-8"))["name"] == f"{name}-polished"
 
 
+BENT = "q_minus = [3.14, 4.44, 0.0, -2.4, 0.0]"
+UNPOLISHED = {
+    "degree": ("degree = 2\nalpha = [[3, 3, 3], [3, 3, 3], [0, 0, 0], [0, 0, 0]]", ["degree = 2", "must be 4 or more"]),
+    "no posture": (f"{BENT}\nalpha = {[[0.0] * 7] * 4}", ["rabbit.urdf", "cannot stand"]),
+}
+
+
+@pytest.mark.parametrize("lines, words", UNPOLISHED.values(), ids=UNPOLISHED.keys())
+def test_a_gait_that_cannot_be_polished_is_one_line(capsys, tmp_path, lines, words):
+    """Whatever its tolerances let pass."""
+    file, out = tmp_path / "g.toml", tmp_path / "p.toml"
+    rows = tomllib.loads((RABBIT / "gaits" / "paper.toml").read_text()) | tomllib.loads(lines)
+    rows |= {"periodicity_tolerance_rad": 1e6, "periodicity_tolerance_rad_s": 1e6}
+    file.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in rows.items()))
+    code, _, err = run(capsys, "gait", "polish", file, "--out", out)
+    assert code == 2 and err.count("\n") == 1 and all(word in err for word in words), err
+    assert not out.exists()
+
+
 def test_a_walker_from_its_urdf_to_its_walk(capsys, tmp_path):
     """Half of RABBIT, dynamically similar: what holds for the one must hold for the other."""
     folder, urdf = tmp_path / "mine", tmp_path / "half.urdf"

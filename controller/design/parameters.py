@@ -26,6 +26,9 @@ from controller.design.orbit import Orbit, periodic_orbit
 CLOCK = np.array([-1.0, 0.0, -0.5, 0.0, -1.0])
 """c of theta = c q: minus the angle of the virtual leg, exactly so for thigh and shin of equal length."""
 
+LOWEST = 4
+"""Degree of the polynomials, whose two coefficients at each end are not free."""
+
 SPAN_FLOOR = 1e-3  # [rad] a clock that does not grow gives no gait; keeps the arithmetic finite
 
 
@@ -43,7 +46,7 @@ class Parametrisation:
 
     Attributes:
         model: The walker.
-        degree: M of the Bezier polynomials, 4 or above.
+        degree: M of the Bezier polynomials, `LOWEST` or above.
         step_length: In [m]; None makes it the last free number.
     """
 

@@ -4,9 +4,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from controller.belief import Gait, WalkerModel
+from controller.common.errors import UserError
 from controller.common.records import Vector
 from controller.design.orbit import periodic_orbit
-from controller.design.parameters import Parametrisation, with_rates
+from controller.design.parameters import LOWEST, Parametrisation, with_rates
 
 LAST_DIGIT = 0.005
 """Half a unit of two decimals: what each printed number is known to, in its own unit."""
@@ -21,8 +22,14 @@ def polish(model: WalkerModel, gait: Gait) -> Gait:
     Args:
         model: The walker.
         gait: A nearly periodic gait.
+
+    Raises:
+        UserError: its polynomials are of too low a degree, or no gait of this walker is near it.
     """
-    space = Parametrisation(model=model, degree=gait.alpha.shape[1] - 1, step_length=None)
+    degree = gait.alpha.shape[1] - 1
+    if degree < LOWEST:
+        raise UserError(f"gait {gait.name!r}: degree = {degree}; must be {LOWEST} or more to be polished")
+    space = Parametrisation(model=model, degree=degree, step_length=None)
 
     def miss(p: Vector) -> Vector:
         candidate = space.gait(p)
@@ -34,6 +41,9 @@ def polish(model: WalkerModel, gait: Gait) -> Gait:
         )
         return np.concatenate(apart) / LAST_DIGIT
 
-    found = least_squares(miss, space.vector(gait), method="lm", xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    try:
+        found = least_squares(miss, space.vector(gait), method="lm", xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    except ValueError as error:  # no posture, or nothing finite to begin with
+        raise UserError(f"gait {gait.name!r}: no gait of {model.path} is near it ({error})") from error
     polished = space.gait(found.x, f"{gait.name}-polished", f"{gait.source}; polished to an exactly periodic orbit")
     return with_rates(polished, periodic_orbit(model, polished))

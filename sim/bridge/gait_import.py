@@ -55,10 +55,7 @@ def import_gait(
     remark = f"Made by: cmpc gait import {file.name}{how}"
     check_new_file(out, remark, force=force)
     fitted, residual = imported.fit(model, step, degree, out.stem, f"imported from {file.name}", where)
-    try:
-        gait = polish(model, fitted)
-    except ValueError as error:
-        raise UserError(f"{where}: no gait of this walker is near it ({error})") from error
+    gait = polish(model, fitted)
     orbit = periodic_orbit(model, gait)
     if not orbit.exists:
         raise UserError(f"{where}: the nearest gait of {model.path} has no periodic orbit: it stops or does not settle")
