@@ -9,6 +9,7 @@ import robots
 from controller.belief import WalkerModel
 from sim.bridge.convert import EXACT, proof_of
 from sim.cli import main
+from sim.errors import UserError
 from sim.walkers import urdf
 from sim.walkers.planar import Given
 from sim.walkers.reduction import reduce
@@ -119,6 +120,19 @@ def test_files_that_an_mjcf_includes_are_found_where_mujoco_finds_them(capsys, t
     assert "include" not in kept and kept.count("thigh") == text.count("thigh") and "beside" in kept
     worst, legal = proof_of(made_of, WalkerModel(made_of / "mine.urdf"))
     assert max(worst.values()) <= legal
+
+
+@pytest.mark.parametrize("error, code", [(UserError("no proof"), 2), (KeyboardInterrupt(), 130)])
+def test_a_folder_whose_walker_is_not_proved_goes_again(capsys, tmp_path, monkeypatch, error, code):
+    def fails(*_):
+        assert (tmp_path / "mine" / "mine.urdf").is_file()
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr("sim.bridge.convert.proof", fails)
+        assert made(capsys, tmp_path, robots.urdf(up=-1.0), [])[0] == code
+    assert not (tmp_path / "mine").exists()
+    assert made(capsys, tmp_path, robots.urdf(up=-1.0), [])[0] == 0
 
 
 @pytest.mark.parametrize("where", ["<!-- {} -->", '<site name="{}"/>'])

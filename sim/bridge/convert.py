@@ -61,9 +61,10 @@ def new_walker(
     if walker is None or stops:
         raise UserError(f"{file}: no walker made of it: {' | '.join(stops)}")
     as_it_is = file if kind == "urdf" and given == Given() and _ours(walker) and _canonical(file) else None
-    new.create(folder, walker, rows, source, as_it_is=as_it_is)
-    model = WalkerModel(folder / f"{folder.name}.urdf")
-    return model, proof(model, walker, tree, source, str(file))
+    with new.new_folder(folder):
+        new.fill(folder, walker, rows, source, as_it_is=as_it_is)
+        model = WalkerModel(folder / f"{folder.name}.urdf")
+        return model, proof(model, walker, tree, source, str(file))
 
 
 def _legal(row: Row) -> str:

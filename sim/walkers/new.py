@@ -4,7 +4,8 @@ import json
 import math
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from string import Template
@@ -59,23 +60,41 @@ class Source:
     given: Given
 
 
-def create(folder: Path, walker: PlanarWalker, rows: Sequence[Row], source: Source, *, as_it_is: Path | None) -> None:
-    """Make the folder.
+@contextmanager
+def new_folder(folder: Path) -> Iterator[None]:
+    """A folder to be filled; gone again where that fails or is interrupted.
+
+    Raises:
+        UserError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be made: {error.strerror}") from error
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def fill(folder: Path, walker: PlanarWalker, rows: Sequence[Row], source: Source, *, as_it_is: Path | None) -> None:
+    """Write a walker's files.
 
     Args:
-        folder: Must not exist; its name is the walker's.
+        folder: An empty one; its name is the walker's.
         walker: Its numbers.
         rows: Table of the conversion, for the README.
         source: Kept in the folder.
         as_it_is: URDF that is already in this program's conventions and is copied; None to write one.
 
     Raises:
-        UserError: the folder exists, its name is not legal, or it cannot be written.
+        UserError: they cannot be written.
     """
-    name = check_name(folder)
+    name = folder.name
     fields = _fields(walker)
     try:
-        (folder / "gaits").mkdir(parents=True)
+        (folder / "gaits").mkdir()
         if as_it_is is not None:
             shutil.copyfile(as_it_is, folder / f"{name}.urdf")
         else:
