@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from random_walkers import scaled_urdf
 
 from controller.common.toml import quoted
 from controller.design.requirements import Requirements
+from controller.fitting.library import check_grid
 from sim.bridge.gaits import check_new_file
 from sim.cli import main
 from sim.commands.gait import REQUIREMENTS
@@ -79,6 +81,27 @@ def test_a_gait_of_any_name_is_written_as_toml(capsys, tmp_path):
     for force in (["--force"], []):  # the second time the file is known as one of the same making
         assert run(capsys, "gait", "polish", odd, "--out", file, *force)[0] == 0
         assert tomllib.loads(file.read_text(encoding="utf-8"))["name"] == f"{name}-polished"
+
+
+OFF_GRID = {
+    "two speeds of one name": (["--speeds", 0.8, 0.501, 0.504], "--speeds 0.501 m/s"),
+    "a rounded speed": (["--speeds", 0.555], "--speeds 0.555 m/s"),
+    "a rounded length": (["--step-lengths", 0.4, 0.4049, "--speeds", 0.8], "--step-lengths 0.4049 m"),
+}
+
+
+@pytest.mark.parametrize("flags, words", OFF_GRID.values(), ids=OFF_GRID.keys())
+def test_a_library_refuses_what_its_file_names_cannot_tell(capsys, tmp_path, flags, words):
+    folder = tmp_path / "rabbit"
+    shutil.copytree(RABBIT, folder)
+    before = sorted(folder.rglob("*"))
+    code, _, err = run(capsys, "gait", "library", "--walker", folder, "--degree", 4, "--starts", 1, *flags)
+    assert code == 2 and f"{words}: must be a multiple of 0.01 m" in err and err.count("\n") == 1, err
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_library_takes_every_hundredth():
+    check_grid("--speeds", "m/s", [k / 100 for k in range(1, 300)])
 
 
 BENT = "q_minus = [3.14, 4.44, 0.0, -2.4, 0.0]"

@@ -6,6 +6,7 @@ weight is found so that the speed is the one asked for.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,19 @@ NEARLY = 1e-9  # [m], [m/s]: on a grid line
 def file_name(step_length: float, speed: float) -> str:
     """Name of a library gait: step length in [m], speed in [m/s]."""
     return f"L{step_length:.2f}-v{speed:.2f}.toml"
+
+
+def check_grid(name: str, unit: str, values: Sequence[float]) -> None:
+    """Refuse values that the name of a file would round, and with it the library.
+
+    Raises:
+        UserError: in one line, by the name and unit given.
+    """
+    for value in values:
+        if abs(value - round(value, 2)) > NEARLY:
+            raise UserError(
+                f"{name} {value:g} {unit}: must be a multiple of 0.01 {unit}, as the names of the files are"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

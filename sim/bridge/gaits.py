@@ -196,8 +196,10 @@ def library_gaits(
         say: Told a line for each gait.
 
     Raises:
-        UserError: one of them is infeasible, or a file is not legal.
+        UserError: a value is between those that file names can tell, a gait is infeasible, or a file is not legal.
     """
+    library.check_grid("--step-lengths", "m", lengths)
+    library.check_grid("--speeds", "m/s", speeds)
     folder = WalkerFolder.find(walker)
     jobs = []
     for length in lengths:
