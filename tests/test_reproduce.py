@@ -525,6 +525,13 @@ def test_files_are_complete_self_contained_and_reproducible(tmp_path) -> None:
     assert found["one"][Path("data/fig3-a.csv")].decode().splitlines()[0] == "x [s]"
 
 
+@pytest.mark.parametrize("name, other", [("data", Path.touch), ("fig3.png", Path.mkdir), ("fig3.json", Path.mkdir)])
+def test_what_stands_in_the_way_of_a_file_is_named(name, other, tmp_path) -> None:
+    other(tmp_path / name)
+    with pytest.raises(UserError, match=f"{tmp_path / name}: cannot be (made|written): "):
+        report.write("fig3", finding(), tmp_path, quick=False)
+
+
 def test_a_page_says_what_was_changed_in_every_run(tmp_path) -> None:
     (tmp_path / "data").mkdir()
     changes = {"controller.kp": (0.0,) * 4}

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.errors import UserError
 from sim.reproduce.panels import GREY, LinePanel, MapPanel, Panel
 
 WIDTH, HEIGHT = 5.2, 3.1  # [inch] of a panel
@@ -20,6 +21,9 @@ def draw(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:
         rows: Panels, row by row.
         title: Above all of them.
         path: The file to write.
+
+    Raises:
+        UserError: it cannot be written.
     """
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -58,7 +62,10 @@ def draw(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:
                 fontsize=9,
             )
         # Without the software's version and a date the same numbers make the same bytes.
-        figure.savefig(path, dpi=DPI, metadata={"Software": None})
+        try:
+            figure.savefig(path, dpi=DPI, metadata={"Software": None})
+        except OSError as error:
+            raise UserError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _lines(ax: Any, panel: LinePanel) -> list[Any]:

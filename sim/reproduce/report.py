@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sim import pages
+from sim.errors import UserError
 from sim.reproduce import EXPERIMENTS
 from sim.reproduce.criteria import CHANGED, RULES
 from sim.reproduce.draw import draw
@@ -33,9 +34,15 @@ def write(
         folder: Where the files go.
         quick: Whether this is the coarse version, which the data then say.
         changes: Settings changed in every run, by dotted path.
+
+    Raises:
+        UserError: one of them cannot be written.
     """
     data = folder / "data"
-    data.mkdir(exist_ok=True)
+    try:
+        data.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{data}: cannot be made: {error.strerror}") from error
     for stem, columns in found.tables.items():
         write_csv(data / f"{name}-{stem}.csv", columns)
     verdict = {
