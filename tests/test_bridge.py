@@ -242,6 +242,18 @@ def test_belief_knows_nothing_of_the_plants_errors():
     assert bridge.build_plant(wrong).model.body_mass.sum() == pytest.approx(a.model.lumped.mass + 12.0)
 
 
+@pytest.mark.parametrize("edited", ["rabbit.urdf", "gaits/mine.toml", "gaits/L0.40-v0.80.toml"])
+def test_a_belief_is_read_again_where_a_file_of_it_was_edited(tmp_path, edited):
+    folder = tmp_path / "rabbit"
+    shutil.copytree(RABBIT, folder)
+    shutil.copy(folder / "gaits" / "paper.toml", folder / "gaits" / "mine.toml")
+    before = bridge.known_belief(str(folder), "mine")
+    assert bridge.known_belief(str(folder), "mine") is before
+    with (folder / edited).open("a") as file:
+        file.write("\n")
+    assert bridge.known_belief(str(folder), "mine") is not before
+
+
 def test_a_gait_of_another_folder_is_used(tmp_path):
     text = (RABBIT / "gaits" / "paper.toml").read_text().replace('name = "paper"', 'name = "mine"')
     (tmp_path / "mine.toml").write_text(text)

@@ -24,10 +24,21 @@ def load_belief(scenario: Scenario, files: ModelFiles | None = None) -> Belief:
     return Belief.load(files.urdf, files.gait, files.library)
 
 
-@functools.lru_cache(maxsize=4)
 def known_belief(walker: str, gait: str) -> Belief:
-    """The controller's model and gait, read once a process: a campaign runs thousands of scenarios."""
-    return load_belief(Scenario(walker=walker, gait=gait))
+    """The controller's model and gait, one of the last four or read anew: a campaign runs thousands of scenarios.
+
+    Raises:
+        UserError: a file is missing, unreadable or not legal.
+    """
+    files = ModelFiles.of(Scenario(walker=walker, gait=gait))
+    stats = [path.stat() for path in files.read if path.is_file()]
+    return _read(files, tuple((stat.st_mtime_ns, stat.st_size, stat.st_ino) for stat in stats))
+
+
+@functools.lru_cache(maxsize=4)
+def _read(files: ModelFiles, stamps: tuple[tuple[int, ...], ...]) -> Belief:
+    """A belief; the stamps are those of the files, so that edited ones are read again."""
+    return Belief.load(files.urdf, files.gait, files.library)
 
 
 def build_controller(settings: ControllerSettings, belief: Belief, *, solver: Solver | None = None) -> Controller:
