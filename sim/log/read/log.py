@@ -75,6 +75,7 @@ class Log:
         channels: Topic -> channel record; another program's channel of a topic of ours has its id added.
         schemas: Schema id -> schema record.
         malformed: Topic -> messages left out so far.
+        compressions: Of its chunks, "unchunked" where messages lie outside any.
     """
 
     path: Path

@@ -93,7 +93,7 @@ class Store:
             write: Whether results will be added.
 
         Raises:
-            UserError: it cannot be opened, is no results database, or was made by a newer version.
+            UserError: it cannot be opened, is no results database, or is of another version.
         """
         self._where = str(path) if path else "results in memory"
         self._origins: set[str] = set()
