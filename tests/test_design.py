@@ -1,6 +1,7 @@
 """Gaits on the zero dynamics against the full model; designed gaits keep what was asked."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -254,6 +255,16 @@ def test_library_is_continuous_in_speed(library):
 def test_outside_the_library_is_refused(library, speed, length, word):
     with pytest.raises(UserError, match=f"{word}.*must be"):
         library.gait(speed, length)
+
+
+def test_a_library_of_too_low_a_degree_is_refused(model, tmp_path):
+    text = (RABBIT / "gaits" / "paper.toml").read_text()
+    head = re.sub("(?m)^(degree|periodicity).*", "", text[: text.index("alpha = [")])
+    rows = "alpha = [[3, 3, 3], [3, 3, 3], [0, 0, 0], [0, 0, 0]]"
+    wide = "periodicity_tolerance_rad = 1e6\nperiodicity_tolerance_rad_s = 1e6"
+    (tmp_path / "L0.40-v0.80.toml").write_text(f"{head}\n{rows}\n{wide}\n")
+    with pytest.raises(UserError, match=r"L0\.40-v0\.80\.toml: degree 2; must be 4 or more"):
+        GaitLibrary.load(tmp_path, model)
 
 
 def test_an_empty_folder_is_no_library(model, tmp_path):

@@ -16,7 +16,7 @@ from controller.belief import Gait, WalkerModel, load_gait
 from controller.common.errors import UserError
 from controller.common.records import Vector
 from controller.design.orbit import periodic_orbit
-from controller.design.parameters import Parametrisation, with_rates
+from controller.design.parameters import LOWEST, Parametrisation, with_rates
 
 FILE = re.compile(r"L(\d+\.\d+)-v(\d+\.\d+)\.toml")
 SPEED_ERROR = 1e-6  # relative, of a gait between two of the library's
@@ -64,7 +64,8 @@ class GaitLibrary:
         """Read all library gaits in a folder.
 
         Raises:
-            UserError: no library there, a hole in its grid, gaits of several degrees, an illegal file.
+            UserError: no library there, a hole in its grid, gaits of several degrees or of too low a one, an
+                illegal file.
         """
         found = {
             (float(match[1]), float(match[2])): path
@@ -75,14 +76,17 @@ class GaitLibrary:
             raise UserError(f"{folder}: no library gaits L<m>-v<m/s>.toml; make them: cmpc gait library")
         lengths, speeds = (sorted({key[i] for key in found}) for i in range(2))
         gaits = {key: load_gait(path, model) for key, path in found.items()}
-        degree = next(iter(gaits.values())).alpha.shape[1] - 1
+        first, gait = next(iter(gaits.items()))
+        degree = gait.alpha.shape[1] - 1
+        if degree < LOWEST:
+            raise UserError(f"{found[first]}: degree {degree}; must be {LOWEST} or more to be mixed with others")
         space = Parametrisation(model=model, degree=degree, step_length=None)
         vectors = np.empty((len(lengths), len(speeds), space.size))
         for i, length in enumerate(lengths):
             for j, speed in enumerate(speeds):
-                gait = gaits.get((length, speed))
-                if gait is None:
+                if (length, speed) not in gaits:
                     raise UserError(f"{folder}: the library has no {file_name(length, speed)}")
+                gait = gaits[length, speed]
                 if gait.alpha.shape[1] - 1 != degree:
                     raise UserError(
                         f"{found[length, speed]}: degree {gait.alpha.shape[1] - 1}; must be {degree}, as its neighbours"
