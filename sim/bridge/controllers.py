@@ -30,7 +30,7 @@ def known_belief(walker: str, gait: str) -> Belief:
     Raises:
         UserError: a file is missing, unreadable or not legal.
     """
-    files = ModelFiles.of(Scenario(walker=walker, gait=gait))
+    files = ModelFiles.named(walker, gait)
     stats = [path.stat() for path in files.read if path.is_file()]
     return _read(files, tuple((stat.st_mtime_ns, stat.st_size, stat.st_ino) for stat in stats))
 

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
+from controller.common.toml import quoted
 from sim.errors import UserError
 from sim.settings.spec import Spec, leaf, specs
 
@@ -278,7 +279,7 @@ def _bare(key: str) -> str:
 
 def _toml_value(value: bool | float | str | Sequence[float]) -> str:
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        return quoted(value)
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Sequence):

@@ -38,8 +38,17 @@ class ModelFiles:
         Raises:
             UserError: one of them does not exist.
         """
-        folder = WalkerFolder.find(scenario.walker)
-        return cls(mjcf=folder.mjcf, urdf=folder.urdf, gait=folder.gait(scenario.gait), library=folder.gaits)
+        return cls.named(scenario.walker, scenario.gait)
+
+    @classmethod
+    def named(cls, walker: str, gait: str) -> "ModelFiles":
+        """The files of a walker and a gait, as a scenario names them.
+
+        Raises:
+            UserError: one of them does not exist.
+        """
+        folder = WalkerFolder.find(walker)
+        return cls(mjcf=folder.mjcf, urdf=folder.urdf, gait=folder.gait(gait), library=folder.gaits)
 
     @property
     def read(self) -> tuple[Path, ...]:

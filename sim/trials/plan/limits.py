@@ -71,8 +71,8 @@ class Limits:
         """
         lines = [
             "# How much any controller could hold, by cmpc limit: local optima, proofs in neither direction.",
-            f"walker = {json.dumps(self.walker)}",
-            f"gait = {json.dumps(self.gait)}",
+            f"walker = {toml.quoted(self.walker)}",
+            f"gait = {toml.quoted(self.gait)}",
         ]
         for row in self.rows:
             lines += ["", "[[limits]]", *(f"{key} = {_toml(value)}" for key, value in row.items())]
@@ -155,7 +155,7 @@ def _asked(scenario: Scenario, path: str, sign: int) -> tuple[str, int]:
 def _toml(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + " }"
-    return json.dumps(value)
+    return toml.quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
 def read_limits(path: Path) -> Limits:
