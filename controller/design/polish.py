@@ -46,4 +46,9 @@ def polish(model: WalkerModel, gait: Gait) -> Gait:
     except ValueError as error:  # no posture, or nothing finite to begin with
         raise UserError(f"gait {gait.name!r}: no gait of {model.path} is near it ({error})") from error
     polished = space.gait(found.x, f"{gait.name}-polished", f"{gait.source}; polished to an exactly periodic orbit")
-    return with_rates(polished, periodic_orbit(model, polished))
+    orbit = periodic_orbit(model, polished)
+    if not orbit.exists:
+        raise UserError(
+            f"gait {gait.name!r}: the nearest of {model.path} has no periodic orbit: it stops or does not settle"
+        )
+    return with_rates(polished, orbit)

@@ -57,8 +57,6 @@ def import_gait(
     fitted, residual = imported.fit(model, step, degree, out.stem, f"imported from {file.name}", where)
     gait = polish(model, fitted)
     orbit = periodic_orbit(model, gait)
-    if not orbit.exists:
-        raise UserError(f"{where}: the nearest gait of {model.path} has no periodic orbit: it stops or does not settle")
     apart = {
         "fit_rad": residual,
         "polish_rad": float(abs(gait.alpha - fitted.alpha).max()),

@@ -2,7 +2,6 @@
 
 import math
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -225,21 +224,6 @@ def _motors(model: mujoco.MjModel, rows: list[Row]) -> dict[int, float]:
                 made = f"torque up to {torque:g} N.m, without gear"
                 rows.append(Row(part=name, found=words, made=made, verdict="made"))
     return found
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State:
-    """The file's own walker at a state, in coordinates (hip x, hip z, torso, four joints) of the made one.
-
-    Attributes:
-        inertia: Mass matrix, (7, 7).
-        bias: Coriolis, centrifugal and gravity terms, (7,).
-        feet: Tips of the left and right tibia (x, z) in [m], (2, 2).
-    """
-
-    inertia: Array
-    bias: Array
-    feet: Array
 
 
 class Published:
