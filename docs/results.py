@@ -65,11 +65,10 @@ def atlas(folder: Path) -> Iterator[str]:
     from sim.trials.plan import MarginStudy
     from sim.trials.plan.axis import label
     from sim.trials.report.findings import sides, weakest
-    from sim.trials.run import Results
     from sim.trials.run.recall import open_results
 
-    plan, store = open_results(folder)
-    results = Results(plan=plan, store=store)
+    results = open_results(folder)
+    plan, store = results.plan, results.store
     study = next(study for study in plan.studies if isinstance(study, MarginStudy))
     found = list(sides(results, study))
     own = {kind: [side for side in found if side.controller == kind] for kind in plan.controllers}
@@ -120,14 +119,13 @@ def reach(folders: Sequence[Path]) -> Iterator[str]:
 def _reached(folder: Path) -> Iterator[str]:
     from sim.trials.plan.axis import label
     from sim.trials.plan.limits import shipped_limits
-    from sim.trials.run import Results
     from sim.trials.run.recall import open_results
     from sim.trials.run.trial import trial_scenario
 
-    plan, store = open_results(folder)
     limits, tried = shipped_limits("rabbit"), collections.defaultdict(list)
-    with store:
-        for row in Results(plan=plan, store=store):
+    with open_results(folder) as results:
+        plan = results.plan
+        for row in results:
             if row.known:
                 tried[row.controller, row.study, next(iter(json.loads(row.values).values()))].append(row)
     for start, study in plan.offsets():

@@ -25,7 +25,7 @@ from sim.scenario import Scenario, with_values
 from sim.trials.plan import load_plan
 from sim.trials.plan.limits import Limits, read_limits, shipped_limits
 from sim.trials.report.report import write_report
-from sim.trials.run import Results, run_plan
+from sim.trials.run import run_plan
 from sim.trials.run.recall import open_results
 
 GAIT = "paper-polished"
@@ -299,9 +299,8 @@ margin = [{axes = [{paths = ["plant.mass_factor.torso"], nominal = 1.0, low = 1.
 
 
 def report(out):
-    plan, store = open_results(out)
-    with store:
-        return write_report(Results(plan=plan, store=store), out)
+    with open_results(out) as results:
+        return write_report(results, out)
 
 
 def test_limits_of_a_plan_are_of_its_walker_and_results_outlive_their_file(tmp_path, monkeypatch):

@@ -47,9 +47,8 @@ def test_the_files_and_commands_of_the_tutorial_run(folder):
 
 
 def test_trials_hold_every_controller_beside_the_papers(folder):
-    _, store = open_results(folder / "all-trials")
-    with store:
-        outcomes = {(row.controller, row.trial): row.outcome for row in store.results()}
+    with open_results(folder / "all-trials") as results:
+        outcomes = {(row.controller, row.trial): row.outcome for row in results}
     assert len(outcomes) == 8 and "error" not in outcomes.values()
     assert all(outcomes["c-mpc", trial] == "completed" for trial in (0, 1))
     assert all(outcomes["./policy.py", trial] == "fell" for trial in (0, 1))

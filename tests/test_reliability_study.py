@@ -9,7 +9,6 @@ import pytest
 
 from sim.commands import campaign as campaigns
 from sim.commands import nearest
-from sim.commands.trials import _open
 from sim.errors import UserError
 from sim.review.campaign import review_campaign
 from sim.scenario import Scenario
@@ -23,7 +22,7 @@ from sim.trials.report.reviews import beside_of, log_of, review_of
 from sim.trials.report.summary import summarise
 from sim.trials.run import workers as pools
 from sim.trials.run.campaign import Results, _run, run_plan
-from sim.trials.run.recall import stored_scenario
+from sim.trials.run.recall import open_results, stored_scenario
 from sim.trials.run.replay import Replays
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import Store
@@ -302,7 +301,7 @@ def test_pairs_of_axes_can_be_added_to_a_study_that_is_over(tmp_path, monkeypatc
         after = list(results)
         assert set(before) < set(after)
         results.store.close()
-    there = _open(tmp_path)
+    there = open_results(tmp_path)
     _, plane = reliability_findings(there, there.plan.reliability[0]).each[0].found.planes
     away = 2.0 * np.pi * 15 / 16  # between the two axes, where pushes and little damping add up
     assert plane[0] == pytest.approx(1.5 / 0.8, rel=0.02)

@@ -25,7 +25,7 @@ from sim.trials.plan import Plan, load_plan
 from sim.trials.plan.plan import differences, from_toml, shipped_names, to_toml
 from sim.trials.report import report
 from sim.trials.report.findings import random_findings, sides
-from sim.trials.run import Results, TrialResult, TrialSpec, run_plan, run_trial, workers
+from sim.trials.run import TrialResult, TrialSpec, run_plan, run_trial, workers
 from sim.trials.run.folder import FILE
 from sim.trials.run.origin import origin
 from sim.trials.run.recall import open_results, stored_scenario
@@ -252,45 +252,40 @@ def three(tmp_path_factory) -> Path:
 
 
 def test_all_controllers_are_compared_with_the_first(three: Path) -> None:
-    plan, store = open_results(three)
-    assert plan.controllers == ("c-mpc", "zd-pd", "c-mpc-ltv")
-    results = Results(plan=plan, store=store)
-    found = random_findings(results, plan.montecarlo[0])
+    with open_results(three) as results:
+        plan = results.plan
+        assert plan.controllers == ("c-mpc", "zd-pd", "c-mpc-ltv")
+        found = random_findings(results, plan.montecarlo[0])
     assert found.reference == "c-mpc" and tuple(found.pairs) == plan.controllers[1:] == tuple(found.p)
     for other, pair in found.pairs.items():
         draws = zip(found.results["c-mpc"], found.results[other], strict=True)
         assert pair.first == sum(a.survived and not b.survived for a, b in draws) and found.p[other] >= pair.p
-    store.close()
 
 
 def test_the_pages_say_for_every_side_and_controller_what_breaks(three: Path) -> None:
     report, breaks = ((three / name).read_text() for name in ("report.html", "breaks.html"))
-    plan, store = open_results(three)
-    falls = [side for side in sides(Results(plan=plan, store=store), plan.margin[0]) if side.fall]
+    with open_results(three) as results:
+        rows, plan = list(results), results.plan
+        falls = [side for side in sides(results, plan.margin[0]) if side.fall]
     assert {side.controller for side in falls} == set(plan.controllers)
     for side in falls:
         assert side.fall.cause and f"{side.controller}/{side.fall.trial} " in breaks
         assert html.escape(side.fall.proof) in breaks
-    assert all(row.cause for row in store.results() if row.outcome == "fell")
-    assert not any(row.cause for row in store.results() if row.survived)
+    assert all(row.cause for row in rows if row.outcome == "fell")
+    assert not any(row.cause for row in rows if row.survived)
     assert "Breaks first" in report and "breaks.html" in report and "draw by draw" in report
-    store.close()
 
 
 def test_margins_whose_search_is_not_finished_are_left_out(three: Path, tmp_path: Path) -> None:
-    plan, store = open_results(three)
-    with Store(tmp_path / FILE, write=True) as part:
-        part.set_plan(plan)
-        for row in store.results("c-mpc"):
+    with open_results(three) as results, Store(tmp_path / FILE, write=True) as part:
+        part.set_plan(results.plan)
+        for row in results.store.results("c-mpc"):
             if row.study == "tilt" and row.axis_values["start.torso_lean"] <= 0.0:
                 part.add(row)
-    store.close()
     assert cli.main(["trials", "report", str(tmp_path)]) == 0
-    plan, store = open_results(tmp_path)
-    assert {(side.controller, side.sign) for side in sides(Results(plan=plan, store=store), plan.margin[0])} == {
-        ("c-mpc", -1)
-    }
-    store.close()
+    with open_results(tmp_path) as results:
+        found = sides(results, results.plan.margin[0])
+        assert {(side.controller, side.sign) for side in found} == {("c-mpc", -1)}
     assert "Not all trials have been run yet" in (tmp_path / "report.html").read_text()
 
 

@@ -38,14 +38,14 @@ def with_pairs(plan: "Plan", text: str, out: Path) -> "Plan":
         UserError: the plan has no study of the nearest fall, or no such axes; the text names none.
     """
     from sim.trials.run.folder import FILE
-    from sim.trials.run.recall import open_results
+    from sim.trials.run.recall import stored_plan
 
     study = _only(plan).reliability[0]
     pairs = list(study.pairs)
     if (out / FILE).is_file():
-        there, store = open_results(out)
-        store.close()
-        pairs = [pair for other in there.reliability if other.name == study.name for pair in other.pairs] or pairs
+        pairs = [
+            pair for other in stored_plan(out).reliability if other.name == study.name for pair in other.pairs
+        ] or pairs
     asked = [pair.strip() for pair in text.split(";") if pair.strip()]
     if not asked:
         raise UserError(f'--pairs {text!r}: names no pair; must be "axis, axis", with semicolons between several')
@@ -90,7 +90,6 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
         UserError: the plan has no such study; as `run_campaign`.
     """
     from sim.trials.report.reliability_checks import crude_checks
-    from sim.trials.run import Results
     from sim.trials.run.recall import open_results
 
     plan = _only(plan)
@@ -106,9 +105,8 @@ def check_crude(plan: "Plan", out: Path, found: Namespace) -> int:
     code = run_campaign(plain, folder, found)
     if code:
         return code
-    there, store = open_results(folder)
-    with store:
-        checks = crude_checks(theirs, Results(plan=there, store=store), there.reliability[0])
+    with open_results(folder) as results:
+        checks = crude_checks(theirs, results, results.plan.reliability[0])
     for one in checks:
         print("\n".join(one.lines))
     return 0
@@ -142,12 +140,11 @@ def _known(plan: "Plan", out: Path) -> "ReliabilityFindings | None":
     """What the whole study found for all controllers of a plan, if a folder holds that."""
     from sim.trials.plan.plan import differences
     from sim.trials.run.folder import FILE
-    from sim.trials.run.recall import open_results
+    from sim.trials.run.recall import stored_plan
 
     if not (out / FILE).is_file():
         return None
-    there, store = open_results(out)
-    store.close()
+    there = stored_plan(out)
     if not there.reliability:
         return None
     theirs = _only(there)
@@ -161,9 +158,7 @@ def _known(plan: "Plan", out: Path) -> "ReliabilityFindings | None":
 def _findings(folder: Path) -> "ReliabilityFindings":
     """What the first study of the nearest fall of the results in a folder found."""
     from sim.trials.report.reliability_findings import reliability_findings
-    from sim.trials.run import Results
     from sim.trials.run.recall import open_results
 
-    plan, store = open_results(folder)
-    with store:
-        return reliability_findings(Results(plan=plan, store=store), plan.reliability[0])
+    with open_results(folder) as results:
+        return reliability_findings(results, results.plan.reliability[0])

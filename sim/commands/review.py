@@ -68,12 +68,10 @@ def _campaign(paths: list[str], most: int, wanted: bool | None) -> int:
     from sim.review.campaign import review_campaign
     from sim.terminal.console import note
     from sim.terminal.interrupt import stop_on_signal
-    from sim.trials.run import Results
     from sim.trials.run.recall import open_results
 
-    plan, store = open_results(paths[0])
-    with store, stop_on_signal() as stop:
-        page = review_campaign(Results(plan=plan, store=store), Path(paths[0]), most, note, stop)
+    with open_results(paths[0]) as results, stop_on_signal() as stop:
+        page = review_campaign(results, Path(paths[0]), most, note, stop)
     print(page)
     _open(page, wanted)
     return 128 + stop.signum if stop.signum else 0

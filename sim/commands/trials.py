@@ -211,14 +211,6 @@ def _bench(found: Namespace) -> int:
     return 0
 
 
-def _open(folder: str) -> "Results":
-    from sim.trials.run import Results
-    from sim.trials.run.recall import open_results
-
-    plan, store = open_results(folder)
-    return Results(plan=plan, store=store)
-
-
 def _add_report(parser: flags.Parser) -> None:
     parser.set_defaults(run=_report)
     parser.add_argument("folder", metavar="DIR")
@@ -226,7 +218,10 @@ def _add_report(parser: flags.Parser) -> None:
 
 
 def _report(found: Namespace) -> int:
-    write_pages(_open(found.folder), Path(found.out or found.folder))
+    from sim.trials.run.recall import open_results
+
+    with open_results(found.folder) as results:
+        write_pages(results, Path(found.out or found.folder))
     return 0
 
 
@@ -240,11 +235,10 @@ def _add_retry(parser: flags.Parser) -> None:
 
 
 def _retry(found: Namespace) -> int:
-    from sim.trials.run.recall import open_results
+    from sim.trials.run.recall import stored_plan
     from sim.trials.run.result import ERROR, GAVE_UP
 
-    plan, store = open_results(found.folder)
-    store.close()
+    plan = stored_plan(found.folder)
     if found.wall_limit is not None:
         plan = replace(plan, wall_limit=found.wall_limit)
     outcomes = (GAVE_UP, ERROR) if found.errors else (GAVE_UP,)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from sim.errors import UserError
 from sim.runner import cores
@@ -68,6 +68,12 @@ class Results:
     def __iter__(self) -> Iterator[TrialResult]:
         """Results in order of controller and trial."""
         return self.store.results()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.store.close()
 
     def _repr_html_(self) -> str:
         """How many walked and fell, for a notebook."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from sim.errors import UserError
 from sim.scenario import Scenario
 from sim.trials.plan import CertificateStudy, Plan, ReliabilityStudy
+from sim.trials.run.campaign import Results
 from sim.trials.run.folder import FILE
 from sim.trials.run.result import TrialResult
 from sim.trials.run.store import Store
@@ -35,10 +36,9 @@ def stored_trial(folder: str | Path, trial: str) -> TrialResult:
     Raises:
         UserError: no results there, no such id, or it has not been run.
     """
-    plan, store = open_results(folder)
-    with store:
-        controller, number = split_id(trial, plan)
-        result = store.result(controller, number)
+    with open_results(folder) as results:
+        controller, number = split_id(trial, results.plan)
+        result = results.store.result(controller, number)
         if result is None:
             raise UserError(f"trial {trial}: has not been run in {folder}")
         return result
@@ -53,12 +53,12 @@ def stored_scenario(reference: str) -> Scenario:
     folder, hash_sign, trial = reference.rpartition("#")
     if not hash_sign:
         raise UserError(f"--from-trial {reference}: must be DIR#CONTROLLER/NUMBER, such as results#c-mpc/17")
-    plan, store = open_results(folder)
-    with store:
+    with open_results(folder) as results:
+        plan = results.plan
         controller, number = split_id(trial, plan)
         row = None
         if isinstance(plan.study_of(number)[0], ReliabilityStudy | CertificateStudy):
-            row = store.result(controller, number)
+            row = results.store.result(controller, number)
             if row is None:
                 raise UserError(f"trial {trial}: has not been run in {folder}, and its study asks as it learns")
     return trial_scenario(plan, controller, number) if row is None else scenario_of(plan, row)
@@ -75,8 +75,8 @@ def scenario_of(plan: Plan, row: TrialResult) -> Scenario:
     return trial_scenario(plan, row.controller, row.trial, point)
 
 
-def open_results(folder: str | Path) -> tuple[Plan, Store]:
-    """The plan and the results of a folder.
+def open_results(folder: str | Path) -> Results:
+    """The results of a folder, with their plan; to be closed.
 
     Raises:
         UserError: there are none, or they cannot be read.
@@ -84,5 +84,16 @@ def open_results(folder: str | Path) -> tuple[Plan, Store]:
     store = Store(Path(folder) / FILE)
     plan = store.plan()
     if plan is None:
+        store.close()
         raise UserError(f"{folder}: holds no plan yet; its campaign stopped before its first trial")
-    return plan, store
+    return Results(plan=plan, store=store)
+
+
+def stored_plan(folder: str | Path) -> Plan:
+    """The plan of a folder of results.
+
+    Raises:
+        UserError: there is none, or it cannot be read.
+    """
+    with open_results(folder) as results:
+        return results.plan
