@@ -12,6 +12,13 @@ from sim.plant.mjcf import compile_spec, read_spec
 from sim.scenario import PlantSettings
 
 
+def inertia_across(model: mujoco.MjModel, body: int) -> float:
+    """Moment of inertia of a body about the axis across the plane, through its centre of mass, in [kg m^2]."""
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    return float(turn.reshape(3, 3)[1] ** 2 @ model.body_inertia[body])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlantMechanics:
     """The plant at one state, base coordinates (hip x, hip z, torso), then left hip, left knee, right hip, right knee.
@@ -125,14 +132,11 @@ class Mechanics:
 
     def _link(self, name: str) -> PlantLink:
         model, body = self._model, self._model.body(name).id
-        turn = np.empty(9)
-        mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-        across = turn.reshape(3, 3)[1]
         return PlantLink(
             mass=float(model.body_mass[body]),
             com=float(model.body_ipos[body, 2]),
             com_across=float(model.body_ipos[body, 0]),
-            inertia=float(across**2 @ model.body_inertia[body]),
+            inertia=inertia_across(model, body),
             joint=(float(model.body_pos[body, 0]), float(model.body_pos[body, 2])),
         )
 

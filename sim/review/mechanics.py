@@ -48,23 +48,18 @@ class Links:
     @classmethod
     def of(cls, settings: PlantSettings, mjcf: Path) -> "Links":
         """Read the model of a plant, its errors applied."""
-        import mujoco
-
         from sim.plant.build import build_spec
         from sim.plant.kinematics import LegGeometry
+        from sim.plant.mechanics import inertia_across
+        from sim.plant.mjcf import compile_spec
 
-        model = build_spec(settings, mjcf).compile()
+        model = compile_spec(build_spec(settings, mjcf), mjcf)
         rows = [model.body(name).id for name in _LINKS]
-        turn = np.empty(9)
-        across = []
-        for row in rows:
-            mujoco.mju_quat2Mat(turn, model.body_iquat[row])
-            across.append(float(turn.reshape(3, 3)[1] ** 2 @ model.body_inertia[row]))
         lengths = np.array(LegGeometry.of(model).lengths)
         return cls(
             mass=model.body_mass[rows].copy(),
             com=model.body_ipos[rows][:, [0, 2]].copy(),
-            inertia=np.array(across),
+            inertia=np.array([inertia_across(model, row) for row in rows]),
             femur=lengths[:, 0],
             tibia=lengths[:, 1],
         )
