@@ -69,6 +69,33 @@ def test_names_that_no_disk_can_have_are_of_nothing(capsys, word):
         assert capsys.readouterr().err.endswith(".mcap: File name too long\n")
 
 
+@pytest.mark.parametrize(
+    ("flag", "legal"),
+    {
+        "--steps": "from 1 to 1000000",
+        "--controller.horizon": "from 1 to 10000",
+        "--controller.ltv.stages": "from 1 to 2000",
+        "--controller.ltv.substeps": "from 1 to 100",
+        "--controller.plan.iterations": "from 1 to 100",
+        "--sensors.latency": "from 0 to 10000",
+        "--pushes.0.step": "from 1 to 1000000",
+        "--seed": "0 or above and no more than 9223372036854775807",
+    }.items(),
+)
+def test_numbers_of_things_end_where_room_and_time_do(capsys, flag, legal):
+    assert f"must be an integer {legal}" in refused(capsys, flag, "99999999999999999999", "--no-log")
+
+
+def test_empty_names_are_of_nothing(capsys, monkeypatch, tmp_path):
+    assert "no scenario ''" in refused(capsys, "", "--no-log")
+    assert "walker = '': no such folder" in refused(capsys, "--walker", "", "--no-log")
+    for words in (["pushes", "--out", ""], ["report", ""], ["retry", ""], ["show", "", "--trial", "zd-pd/0"]):
+        assert cli.main(["trials", *words]) == 2
+        err = capsys.readouterr().err
+        assert ("needs --out DIR" in err or "its name is empty" in err) and err.count("\n") == 1
+    assert not [path for path in tmp_path.iterdir() if path.name != "walker"]
+
+
 def test_an_audit_and_a_port_go_with_what_they_are_of(capsys):
     assert "--audit and --live: must be one of them" in refused(capsys, "--audit", "--live")
     assert "--live-port 8765: is of the server of --live" in refused(capsys, "--live-port", "8765", "--no-log")

@@ -149,12 +149,14 @@ ODD_FIELDS = {
 
 
 def test_a_setting_of_any_number_of_values_has_a_flag(tmp_path):
-    kind = odd_settings(tmp_path, "gains: tuple[float, ...] = (1.0, 2.0)\n    words: tuple[str, ...] = ('a',)")
+    fields = "gains: tuple[float, ...] = (1.0, 2.0)\n    words: tuple[str, ...] = ('a',)\n    on: tuple[bool, ...] = ()"
+    kind = odd_settings(tmp_path, fields)
     log = tmp_path / "a.mcap"
     argv = ["run", "undisturbed", "--controller", kind, "--time-limit", "0.01", "--log", str(log), "--quiet"]
-    assert cli.main([*argv, "--controller.settings.gains", "3", "4", "5", "--controller.settings.words", "b, c"]) == 0
+    argv += ["--controller.settings.gains", "3", "4", "5", "--controller.settings.words", "b, c"]
+    assert cli.main([*argv, "--controller.settings.on", "true", "no"]) == 0
     settings = scenario_of(read_log(log)).controller.settings
-    assert settings.gains == (3.0, 4.0, 5.0) and settings.words == ("b, c",)
+    assert settings.gains == (3.0, 4.0, 5.0) and settings.words == ("b, c",) and settings.on == (True, False)
 
 
 def odd_settings(folder, fields):
@@ -323,7 +325,7 @@ def test_what_it_prints_leaves_the_json_alone(tmp_path, capsys):
     {
         "from dataclasses import *\n@dataclass\nclass S:\n    x: int\ndef make(s: S): pass\n": ["x", "a default"],
         "class D:\n    def step(self, o): pass\nmake = D\n": ["has no reset()"],
-        "make = 3\n": ["has no factory 'make'"],
+        "make = 3\n": ["make is no factory: it is 3"],
     }.items(),
 )
 def test_what_lacks_something_is_refused_by_name(tmp_path, capsys, text, words):

@@ -158,6 +158,18 @@ def test_it_needs_nothing_but_the_log(path, tmp_path, capsys, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]
 
 
+def test_set_names_a_controller_of_ones_own(path, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    limp = "class Limp:\n    reset = lambda self, stance: None\n    step = lambda self, seen: [0.0] * 4\n"
+    (tmp_path / "limp.py").write_text(f"{limp}def make(): return Limp()\n")
+    sets = {"controller": "./limp.py", "time_limit": "0.01", "controller.friction-rows": "no"}
+    words = [word for item in sets.items() for word in ("--set", *item)]
+    code, _, err = replay(capsys, path, *words, "--log", tmp_path / "new.mcap")
+    assert code == 0, err
+    changed = scenario_of(read_log(tmp_path / "new.mcap")).controller
+    assert changed.kind == "./limp.py" and not changed.friction_rows
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -38,7 +38,7 @@ def some(cls, values, **more):
 
 
 where = {"force": finite, "direction": finite, "body": bodies, "point": st.none() | st.tuples(finite, finite)}
-push_in_step = st.builds(Push, **where, step=st.integers(min_value=1))
+push_in_step = st.builds(Push, **where, step=st.integers(1, 1_000_000))
 push_in_window = st.tuples(not_negative, positive).flatmap(
     lambda ends: st.builds(Push, **where, start=st.just(min(ends)), end=st.just(max(ends)))
 )
@@ -51,15 +51,15 @@ def scenarios(draw):
     return Scenario(
         name=draw(text),
         description=draw(text),
-        steps=draw(st.integers(min_value=1)),
+        steps=draw(st.integers(1, 1_000_000)),
         time_limit=draw(not_negative),
-        seed=draw(st.integers(min_value=0)),
+        seed=draw(st.integers(0, 2**63 - 1)),
         walker=draw(text),
         gait=draw(text),
         controller=ControllerSettings(
             kind=draw(st.sampled_from(["c-mpc", "zd-pd"])),
             kp=draw(st.tuples(*[not_negative] * 4)),
-            horizon=draw(st.integers(min_value=1)),
+            horizon=draw(st.integers(1, 10_000)),
             period=period,
             friction_rows=draw(st.booleans()),
             solver=draw(text),
@@ -173,7 +173,7 @@ BAD = {
     'steps = "ten"': ["steps = 'ten'", "integer", "[steps]"],
     "steps = 1.5": ["steps = 1.5", "integer"],
     "steps = true": ["steps = True", "integer"],
-    "steps = 0": ["steps = 0", "1 or above"],
+    "steps = 0": ["steps = 0", "from 1 to 1000000"],
     "seed = -1": ["seed = -1", "0 or above"],
     "name = 3": ["name = 3", "string"],
     "time_limit = -1": ["time_limit = -1 s", "[s]"],
@@ -191,7 +191,7 @@ BAD = {
     "[plant.torque_limit_factor]\nleft_hip = -1": ["plant.torque_limit_factor.left_hip = -1", "0 or above"],
     "[plant.ground]\nfriction = -0.1": ["plant.ground.friction = -0.1", "between 0 and 100"],
     "[plant.ground]\nslope = 2.0": ["plant.ground.slope = 2.0 rad", "pi/2", "[rad]"],
-    "[controller]\nhorizon = 0": ["controller.horizon = 0 ticks", "1 or above"],
+    "[controller]\nhorizon = 0": ["controller.horizon = 0 ticks", "from 1 to 10000"],
     "[controller]\nperiod = inf": ["controller.period = inf s", "above 0"],
     "[controller]\nfriction = -1": ["controller.friction = -1", "0 or above"],
     "[controller]\nkp = [1, 2, 3]": ["controller.kp = [1, 2, 3]", "4 numbers", "[1/s^2]"],
@@ -201,7 +201,7 @@ BAD = {
     '[[pushes]]\nforce = 1\nstep = 1\nbody = "head"': ["pushes.0.body = 'head'", "left_tibia"],
     "[[pushes]]\nstep = 1": ["pushes.0.force: missing", "[N]"],
     "[[pushes]]\nforce = inf\nstep = 1": ["pushes.0.force = inf N", "finite", "[N]"],
-    "[[pushes]]\nforce = 1\nstep = 0": ["pushes.0.step = 0", "1 or above"],
+    "[[pushes]]\nforce = 1\nstep = 0": ["pushes.0.step = 0", "from 1 to 1000000"],
     "[[pushes]]\nforce = 1": ["pushes.0", "either step, or both start and end [s]"],
     "[[pushes]]\nforce = 1\nstep = 1\nstart = 1\nend = 2": ["pushes.0", "either step"],
     "[[pushes]]\nforce = 1\nstart = 1": ["pushes.0", "both start and end"],

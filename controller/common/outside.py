@@ -248,7 +248,9 @@ def _found(kind: str) -> Outside:
 
 def _of(kind: str, module: Any, name: str, file: Path | None, text: bytes) -> Outside:
     factory = _attribute(module, name)
-    if not callable(factory):
+    if factory is not None and not callable(factory):
+        raise UserError(f"{file or module.__name__}: {name} is no factory: it is {factory!r:.40}, and cannot be called")
+    if factory is None:
         there = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
         own = [key for key in there if getattr(vars(module)[key], "__module__", "") == module.__name__]
         raise UserError(f"{file or module.__name__}: has no factory {name!r}; it has {', '.join(own) or 'none'}")

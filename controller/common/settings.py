@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 from controller.common import outside
 from controller.common.units import (
-    AT_LEAST_ONE,
     FRACTION,
     NOT_NEGATIVE,
     POSITIVE,
@@ -22,6 +21,7 @@ from controller.common.units import (
     Second,
     Unit,
     Words,
+    whole,
 )
 
 Four = tuple[float, float, float, float]
@@ -60,9 +60,9 @@ class LtvSettings:
         yielding_to: How much slower it is where they have changed.
     """
 
-    stages: Annotated[int, Unit("stages"), AT_LEAST_ONE] = 50
+    stages: Annotated[int, Unit("stages"), whole(1, 2000)] = 50
     stage_time: Annotated[Second, POSITIVE] = 6e-3
-    substeps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 1
+    substeps: Annotated[int, Unit("steps"), whole(1, 100)] = 1
     output: Annotated[float, Unit("1/rad^2"), POSITIVE] = 1e5
     output_calm: Annotated[float, Unit("1/rad^2"), POSITIVE] = 2e6
     calm: Annotated[float, Unit("rad/s"), POSITIVE] = 0.02
@@ -126,11 +126,11 @@ class PlanSettings:
         blend: Time in which the torque goes over from one to the other.
     """
 
-    steps: Annotated[int, Unit("steps"), Range(low=2, high=4, words="from 2 to 4")] = 2
-    intervals: Annotated[int, Unit("intervals"), Range(low=4, high=60, words="from 4 to 60")] = 16
+    steps: Annotated[int, Unit("steps"), whole(2, 4)] = 2
+    intervals: Annotated[int, Unit("intervals"), whole(4, 60)] = 16
     every: Annotated[Second, POSITIVE] = 0.02
     delay: Annotated[Second, NOT_NEGATIVE] = 0.005
-    iterations: Annotated[int, Unit("iterations"), AT_LEAST_ONE] = 2
+    iterations: Annotated[int, Unit("iterations"), whole(1, 100)] = 2
     torque: Annotated[float, Unit("1/(N.m)^2"), POSITIVE] = 4e-5
     angle: Annotated[float, Unit("rad"), POSITIVE] = 0.1
     speed: Annotated[float, Unit("rad/s"), POSITIVE] = 1.0
@@ -220,7 +220,7 @@ class OutputMpcSettings:
         output_rate: Weight on their rates.
     """
 
-    stages: Annotated[int, Unit("stages"), Range(low=1, high=100, words="from 1 to 100")] = 10
+    stages: Annotated[int, Unit("stages"), whole(1, 100)] = 10
     stage_time: Annotated[Second, Range(low=1e-4, high=0.1, words="between 1e-4 and 0.1")] = 5e-3
     output: Annotated[float, Unit("1/s^4"), Range(low=1.0, high=1e9, words="between 1 and 1e9")] = 3e7
     output_rate: Annotated[float, Unit("1/s^2"), Range(low=0.0, high=1e9, words="between 0 and 1e9")] = 3e4
@@ -298,7 +298,7 @@ class ControllerSettings:
     kind: Kind = BUILT_IN[0]
     kp: Annotated[Four, Unit("1/s^2"), NOT_NEGATIVE] = (60.0, 90.0, 90.0, 50.0)
     kd: Annotated[Four, Unit("1/s"), NOT_NEGATIVE] = (10.0, 20.0, 20.0, 10.0)
-    horizon: Annotated[int, Unit("ticks"), AT_LEAST_ONE] = 100
+    horizon: Annotated[int, Unit("ticks"), whole(1, 10_000)] = 100
     period: Annotated[Second, POSITIVE] = 1e-3
     impact_time: Annotated[Second, NOT_NEGATIVE] = 0.012
     friction: Annotated[Ratio, NOT_NEGATIVE] = 0.6
@@ -359,7 +359,8 @@ def _as_it_stands(name: str, table: Any) -> type:
             kind = _as_it_stands(key, value)
             default = dataclasses.field(default_factory=kind)
         elif isinstance(value, list):
-            kind = tuple[str, ...] if value and all(isinstance(item, str) for item in value) else tuple[float, ...]
+            kinds = {type(item) for item in value}
+            kind = tuple[str, ...] if kinds == {str} else tuple[bool, ...] if kinds == {bool} else tuple[float, ...]
             default = dataclasses.field(default=())
         fields.append((str(key), kind, default))
     try:

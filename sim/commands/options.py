@@ -150,7 +150,7 @@ def scenario_of(found: argparse.Namespace, default: str, add_parser: Callable[..
     Raises:
         UserError: the scenario, or a flag, is not legal.
     """
-    scenario = load(found.scenario or default)
+    scenario = load(default if found.scenario is None else found.scenario)
     if found.help or found.help_all:
         show_help(add_parser, found, scenario)
         return None

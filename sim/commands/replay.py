@@ -45,7 +45,8 @@ def add_parser(commands: Any, argv: Sequence[str]) -> None:
     own.add_argument("--set", nargs=2, action="append", default=[], metavar=("PATH", "VALUE"), help="as --PATH VALUE")
     add_json(own, "the summary of a changed run")
     add_quiet(own)
-    words = [*argv, *(f"--{word}" for word in argv)]  # --set has paths without --
+    sets = [(argv[i + 1], argv[i + 2]) for i, word in enumerate(argv[:-2]) if word == "--set"]
+    words = [*argv, *(word for path, value in sets for word in (f"--{path.removeprefix('--')}", value))]
     flags.add_settings(parser, with_controller(_logged(argv), words), words)
 
 

@@ -142,7 +142,7 @@ def _audit(scenario: Scenario, *, json: bool) -> int:
 def _scenario(found: Namespace) -> Scenario:
     """The scenario by name, by file, or of a trial of a campaign."""
     if found.from_trial is None:
-        return load(found.scenario or DEFAULT)
+        return load(DEFAULT if found.scenario is None else found.scenario)
     if found.scenario is not None:
         raise UserError(f"{found.scenario} and --from-trial: must be one of them; a trial brings its scenario")
     from sim.trials.run.recall import stored_scenario

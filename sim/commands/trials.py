@@ -103,7 +103,7 @@ def _run(found: Namespace) -> int:
     from sim.trials.plan import load_plan
 
     plan = load_plan(found.plan)
-    if found.out is None:
+    if not found.out:
         raise UserError(f"cmpc trials {found.plan} needs --out DIR, a folder for its results; it is made if missing")
     if found.controllers is not None:
         plan = replace(plan, controllers=kinds_of(found.controllers))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from controller.common.units import (
-    AT_LEAST_ONE,
     FRACTION,
     NOT_NEGATIVE,
     POSITIVE,
@@ -18,6 +17,7 @@ from controller.common.units import (
     Ratio,
     Second,
     Unit,
+    whole,
 )
 from sim.errors import UserError
 from sim.scenario.per_link import (
@@ -61,7 +61,7 @@ class Ledge:
 
     height: Metre
     position: Metre = 1.0
-    count: Annotated[int, Unit("ledges"), AT_LEAST_ONE] = 1
+    count: Annotated[int, Unit("ledges"), whole(1, 1000)] = 1
     spacing: Annotated[Metre, POSITIVE] = 0.4
 
 

@@ -12,12 +12,12 @@ from typing import Annotated, Any, Literal
 
 from controller.common.settings import ControllerSettings
 from controller.common.units import (
-    AT_LEAST_ONE,
     NOT_NEGATIVE,
     POSITIVE,
     Radian,
     Second,
     Unit,
+    whole,
 )
 from sim.errors import UserError
 from sim.scenario.plant import PlantSettings, whole_substeps
@@ -27,6 +27,7 @@ from sim.settings import tree as settings
 Body = Literal["torso", "left_femur", "left_tibia", "right_femur", "right_tibia"]
 Five = tuple[float, float, float, float, float]
 
+MOST_STEPS = 1_000_000
 TIME_PER_STEP = 2.0  # [s] of simulated time allowed for each step when no limit is given
 
 
@@ -52,7 +53,7 @@ class Push:
     direction: Radian = 0.0
     body: Body = "torso"
     point: Annotated[tuple[float, float] | None, Unit("m")] = None
-    step: Annotated[int | None, Unit("step"), AT_LEAST_ONE] = None
+    step: Annotated[int | None, Unit("step"), whole(1, MOST_STEPS)] = None
     start: Annotated[float | None, Unit("s"), NOT_NEGATIVE] = None
     end: Annotated[float | None, Unit("s"), POSITIVE] = None
 
@@ -104,7 +105,7 @@ class Scenario:
 
     name: str = "custom"
     description: str = ""
-    steps: Annotated[int, Unit("steps"), AT_LEAST_ONE] = 10
+    steps: Annotated[int, Unit("steps"), whole(1, MOST_STEPS)] = 10
     time_limit: Annotated[Second, NOT_NEGATIVE] = 0.0
     seed: Annotated[int, NOT_NEGATIVE] = 0
     walker: str = "rabbit"

@@ -4,11 +4,11 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from controller.common.units import FRACTION, NOT_NEGATIVE, Radian, Second, Unit
+from controller.common.units import FRACTION, NOT_NEGATIVE, Radian, Second, Unit, whole
 from sim.scenario.per_link import JointAngles, JointFactors, JointRates
 
 RadianPerSecond = Annotated[float, Unit("rad/s")]
-Ticks = Annotated[int, Unit("ticks"), NOT_NEGATIVE]
+Ticks = Annotated[int, Unit("ticks"), whole(0, 10_000)]
 Torque = Annotated[float, Unit("N.m"), NOT_NEGATIVE]
 
 

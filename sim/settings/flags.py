@@ -163,13 +163,17 @@ def _add_flag(group: Any, setting: Setting) -> None:
     flag = "--" + setting.path.replace("_", "-")
     text = f"{spec.help} (default: {_shown(setting.value)})".replace("%", "%%")
     short = ["--controller"] if setting.path == "controller.kind" else []
-    if spec.type is bool:
+    if spec.type is bool and not (spec.length or spec.repeated):
         table, _, name = flag.rpartition(".")
         negative = f"{table}.no-{name}" if table else f"--no-{name[2:]}"
         group.add_argument(flag, dest=dest, action="store_const", const=True, default=None, help=text)
         group.add_argument(negative, dest=dest, action="store_const", const=False, default=None)
     else:
-        metavar = "|".join(spec.choices) or spec.unit or {int: "INT", float: "FLOAT"}.get(spec.type, "TEXT")
+        metavar = (
+            "|".join(spec.choices)
+            or spec.unit
+            or {int: "INT", float: "FLOAT", bool: "true|false"}.get(spec.type, "TEXT")
+        )
         group.add_argument(
             *short, flag, dest=dest, nargs=spec.length or ("+" if spec.repeated else 1), metavar=metavar, help=text
         )

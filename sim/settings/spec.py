@@ -1,7 +1,7 @@
 """What one setting may hold: type, unit, range, choices and help, read from a dataclass field.
 
 Legal field types: bool, int, float, str, Literal, `T | None` with default None, fixed-length tuples of float,
-tuples of any length of float or str, another settings dataclass, and `tuple[Dataclass, ...]`.
+tuples of any length, another settings dataclass, and `tuple[Dataclass, ...]`.
 """
 
 import dataclasses
@@ -20,9 +20,11 @@ from typing import Any
 from controller.common.units import Doc, Range, Unit, Words
 from sim.errors import UserError
 
-TYPES = "bool, int, float, str, a Literal of words, T | None, a tuple of float or str, or a dataclass of these"
+TYPES = "bool, int, float, str, a Literal of words, T | None, a tuple of one of these, or a dataclass of these"
 LARGEST = 1e9
 """Of any number in any unit here; beyond it nothing is a walker, and sums lose the digits of what is."""
+LARGEST_INTEGER = 2**63 - 1  # of those without a unit, such as seeds: what a database and compiled code can hold
+SWITCH = {"true": True, "yes": True, "false": False, "no": False}
 LONGEST_SHOWN = 60  # characters of an illegal value that a message repeats
 
 
@@ -180,8 +182,8 @@ def leaf(value: Any, spec: Spec, path: str) -> Any:
     items = value if many else (value,)
     fits = isinstance(items, list | tuple) and (spec.repeated or len(items) == (spec.length or 1))
     if not fits or not all(_fits(item, spec) for item in items):
-        beyond = fits and spec.type is float and any(_is_beyond(item, spec) for item in items)
-        most = f" and no more than {LARGEST:g}" if beyond else ""
+        beyond = fits and any(_is_beyond(item, spec) for item in items)
+        most = f" and no more than {f'{LARGEST:g}' if spec.type is float else LARGEST_INTEGER}" if beyond else ""
         raise UserError(f"{path} = {_shown(value, spec)}: must be {spec.legal}{most}{_near(value, spec)}")
     items = tuple(spec.type(item) for item in items)
     return items if many else items[0]
@@ -199,7 +201,7 @@ def _fits(value: Any, spec: Spec) -> bool:
     if spec.type is int:
         if isinstance(value, bool) or not isinstance(value, numbers.Integral):
             return False
-        return spec.range is None or int(value) in spec.range
+        return abs(int(value)) <= LARGEST_INTEGER and (spec.range is None or int(value) in spec.range)
     if type(value) is not spec.type:
         return False
     return not spec.choices or value in spec.choices or (spec.words is not None and spec.words.others(value))
@@ -207,7 +209,8 @@ def _fits(value: Any, spec: Spec) -> bool:
 
 def _is_beyond(item: Any, spec: Spec) -> bool:
     """Whether nothing but its size speaks against a number."""
-    number = isinstance(item, int | float) and LARGEST < abs(item) < math.inf
+    largest = {float: LARGEST, int: LARGEST_INTEGER}.get(spec.type, math.inf)
+    number = isinstance(item, int | float) and largest < abs(item) < math.inf
     return number and (spec.range is None or item in spec.range)
 
 
@@ -232,7 +235,7 @@ def from_text(texts: Sequence[str], spec: Spec, path: str) -> Any:
         return None
     items: list[Any] = [_number(text, spec.type) if spec.type in (int, float) else text for text in texts]
     if spec.type is bool:
-        items = [{"true": True, "false": False}.get(text.lower(), text) for text in texts]
+        items = [SWITCH.get(text.lower(), text) for text in texts]
     return leaf(items if many else items[0], spec, path)
 
 

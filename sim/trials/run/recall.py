@@ -81,6 +81,8 @@ def open_results(folder: str | Path) -> Results:
     Raises:
         UserError: there are none, or they cannot be read.
     """
+    if not str(folder):
+        raise UserError("folder of results: its name is empty; must be a folder that cmpc trials --out made")
     store = Store(Path(folder) / FILE)
     plan = store.plan()
     if plan is None:
