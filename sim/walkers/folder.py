@@ -39,11 +39,9 @@ class WalkerFolder:
         Raises:
             UserError: no such folder, or a model file is missing in it.
         """
-        if not walker:
-            raise UserError("walker = '': no such folder; must be a name under models/, or the path of a folder")
         beside = not is_folder(SHIPPED / walker) and is_file(Path(walker) / f"{Path(walker).name}.urdf")
         folder = Path(walker) if names_a_path(walker) or beside else SHIPPED / walker
-        if not is_folder(folder):
+        if not (walker and is_folder(folder)):
             names = sorted(p.name for p in SHIPPED.iterdir() if (p / f"{p.name}.urdf").is_file())
             raise UserError(f"walker = {walker!r}: no such folder; {_choice(walker, names)}, or the path of a folder")
         folder = folder.resolve()
