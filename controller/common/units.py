@@ -69,13 +69,6 @@ POSITIVE = Range(low=0.0, open=True, words="above 0")
 NOT_NEGATIVE = Range(low=0.0, words="0 or above")
 AT_LEAST_ONE = Range(low=1.0, words="1 or above")
 FRACTION = Range(low=0.0, high=1.0, words="between 0 and 1")
-
-
-def whole(low: int, high: int) -> Range:
-    """Numbers of things that take room or time each, from few to as many as anybody has use for."""
-    return Range(low=float(low), high=float(high), words=f"from {low} to {high}")
-
-
 SLOPE = Range(low=-pi / 2, high=pi / 2, open=True, words="between -pi/2 and pi/2")
 
 Newton = Annotated[float, Unit("N")]
@@ -84,3 +77,8 @@ Radian = Annotated[float, Unit("rad")]
 Second = Annotated[float, Unit("s")]
 Ratio = Annotated[float, Unit("ratio")]
 PositiveRatio = Annotated[float, Unit("ratio"), POSITIVE]
+
+
+def whole(low: int, high: int) -> Range:
+    """Numbers of things that take room or time each, from few to as many as anybody has use for."""
+    return Range(low=float(low), high=float(high), words=f"from {low} to {high}")

@@ -16,8 +16,8 @@ _TORQUE_SCALE = 50.0  # [N.m] unit of u in the sparse form
 _RATE_SCALE = 1.0  # [rad/s] unit of w
 _FORCE_SCALE = 100.0  # [N] unit of the softening
 _COST_SCALE = 1e4
-_AT_LIMIT = 1e-3  # [N]
 _AT_BOUND = 1e-4  # [N.m] what counts as sitting at a bound: interior-point methods stop short of it
+_AT_LIMIT = 1e-3  # [N] the same of a contact-force row at its limit
 
 
 class SparsePattern:

@@ -43,9 +43,8 @@ def with_pairs(plan: "Plan", text: str, out: Path) -> "Plan":
     study = _only(plan).reliability[0]
     pairs = list(study.pairs)
     if (out / FILE).is_file():
-        pairs = [
-            pair for other in stored_plan(out).reliability if other.name == study.name for pair in other.pairs
-        ] or pairs
+        there = stored_plan(out).reliability
+        pairs = [pair for other in there if other.name == study.name for pair in other.pairs] or pairs
     asked = [pair.strip() for pair in text.split(";") if pair.strip()]
     if not asked:
         raise UserError(f'--pairs {text!r}: names no pair; must be "axis, axis", with semicolons between several')
