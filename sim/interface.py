@@ -79,7 +79,7 @@ class PlantState:
             point above level ground at x = 0.
         clearance: Height of each foot above the ground under it in [m], (2,).
         torque: Torque the actuators really applied over the last hold in [N.m], (4,), ordered as `JOINTS`.
-        contact: Whether each foot touches the ground.
+        contact: Whether each foot stands on the ground; one that runs into a ledge's riser does not.
         contact_force: Ground reaction on each foot, mean over the last hold, (tangential forward, normal)
             in [N], (2, 2), a row a foot.
         push: Sum of the external forces over the last hold (x, z) in [N], (2,).

@@ -8,14 +8,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim.bridge.run import run_scenario
 from sim.errors import UserError
+from sim.loop import NoTape
 from sim.plant import MujocoPlant
 from sim.plant.terrain import Terrain
-from sim.scenario import GroundSettings, PlantSettings
+from sim.scenario import GroundSettings, PlantSettings, load, with_values
 from sim.scenario.plant import Ledge, Patch, Ramp, RoughSettings
 
 MJCF = Path(__file__).parent.parent / "models/rabbit/rabbit.xml"
 Q = np.array([3.54, 2.92, -0.36, -0.15, 0.015])  # [rad], the gait's posture after impact
+
+
+class Truth(NoTape):
+    """Keeps every tick's state."""
+
+    def __init__(self) -> None:
+        self.states: list = []
+
+    def ticks(self, ticks) -> None:
+        self.states.append(ticks.state.copy())
 
 
 def terrain(seed: int = 0, length: float = 5.0, **values: object) -> Terrain:
@@ -89,6 +101,18 @@ def test_a_foot_rests_on_the_facet_it_stands_on() -> None:
     state = walker.state()
     assert state.foot[0, 1] == pytest.approx(0.05 + 0.002, abs=1e-5)
     assert state.clearance[0] == pytest.approx(0, abs=2e-6) and state.contact[0]
+
+
+def test_a_foot_against_a_riser_has_not_landed() -> None:
+    """It touches the ledge's face in mid-step, which is ground, but nothing to stand on."""
+    ledge = {"plant.ground.ledges.0.height": 0.06, "plant.ground.ledges.0.position": 1.0, "controller.kind": "zd-pd"}
+    tape = Truth()
+    run_scenario(with_values(load("undisturbed"), ledge | {"steps": 3}), tape=tape)
+    state = np.concatenate(tape.states)
+    pressed = np.abs(state["contact_force"]).max(axis=2) > 100.0
+    aloft = state["clearance"] > 0.01
+    assert (pressed & aloft).any() and not (state["contact"][aloft] != 0).any()
+    assert (state["contact"][pressed & ~aloft] != 0).all()
 
 
 def test_boxes_push_as_the_plane_does() -> None:

@@ -73,7 +73,7 @@ class Observation:
         t: Time since the start of the run in [s].
         q: Joint angles and absolute torso angle in [rad], (5,), ordered as `COORDINATES`.
         dq: Their rates in [rad/s], (5,).
-        contact: Whether the (left, right) foot touches the ground.
+        contact: Whether the (left, right) foot stands on the ground; one that runs into a riser does not.
     """
 
     t: float

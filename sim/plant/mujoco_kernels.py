@@ -12,9 +12,10 @@ from numba import carray
 
 from controller.common.compiled import Array, compiled, nested
 from sim.plant.engine import mj_step, pointer, whole_pointer
-from sim.plant.rows import COS, DIVERGED, FINE, INTERCEPT, NO_TORQUE, SIN, facet_under
+from sim.plant.rows import COS, DIVERGED, FINE, INTERCEPT, NO_TORQUE, SIN, facet_under, height_under
 
 TORSO = 4
+SOLE = 0.7  # of a foot's radius to each side of its centre, on which it can stand
 WARNING_STRIDE = 2  # whole numbers from one kind of MuJoCo's warnings to the next: its last detail, its number
 WORK = np.dtype(
     [
@@ -68,7 +69,6 @@ def look(work: Any, ground: Array, state: Any, seen: Any, i: int) -> None:
     for j in range(2):
         s.hip[j], s.dhip[j] = qpos[w.hip[j]], qvel[w.hip[j]]
         s.push[j] = w.push[j]
-        s.contact[j] = o.contact[j] = sensors[w.feet[j]] > 0.0
     for j in range(5):
         s.penetrating[j] = w.links[j] >= 0 and sensors[w.links[j]] != 0.0
     for leg in range(2):
@@ -81,9 +81,24 @@ def look(work: Any, ground: Array, state: Any, seen: Any, i: int) -> None:
         cos, sin = ground[facet, COS], ground[facet, SIN]
         s.foot[leg, 0], s.foot[leg, 1] = x, z
         s.clearance[leg] = z - (x * sin + w.radius) / cos - ground[facet, INTERCEPT]
+        s.contact[leg] = o.contact[leg] = sensors[w.feet[leg]] > 0.0 and _stands(w, ground, x, z)
         fx, fz = w.force[leg, 0] / w.substeps, w.force[leg, 1] / w.substeps
         s.contact_force[leg, 0] = fx * cos + fz * sin
         s.contact_force[leg, 1] = fz * cos - fx * sin
+
+
+@nested
+def _stands(w: Any, ground: Array, x: float, z: float) -> bool:
+    """Whether ground that a foot touches, its centre at (x, z) in [m], is under it: not the riser of a ledge."""
+    if ground.shape[0] == 1:
+        return True
+    if z - height_under(ground, x) <= 2.0 * w.radius:
+        return True
+    for side in (-SOLE * w.radius, SOLE * w.radius):
+        above = z - height_under(ground, x + side)
+        if 0.0 <= above <= 2.0 * w.radius:
+            return True
+    return False
 
 
 @compiled
