@@ -103,6 +103,7 @@ ASKED = {
     "impulse at the beginning of step 2": (-10.1, 15.1),
     "slope from 0.6 m on": (-0.2, 0.2),
     "ledge at 1 m": (-0.1, 0.06),
+    "ledge 6 cm up": (None, None),
     "load": (None, 6.0),
 }
 """What is asked of c-mpc-plan, back or down and forward or up, by study of `reach`; of impulses 60 % of the limit."""

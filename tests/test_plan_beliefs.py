@@ -10,8 +10,9 @@ from controller.belief.lumped import lump
 from controller.common.records import Leg, StanceState
 from controller.common.settings import PlanSettings
 from controller.observer import Estimate
-from controller.plan import dynamics, start
+from controller.plan import cost, dynamics, start
 from controller.plan.beliefs import Beliefs
+from controller.plan.ledge import Ledge
 from controller.plan.load import Scales
 from controller.plan.share import Share
 from sim.bridge import run as bridge
@@ -56,7 +57,7 @@ def taught(beliefs, told, felt, state, *, exchanged=False):
     beliefs.scales.update = lambda *_, **__: None
     beliefs.scales.push = felt
     x = np.concatenate([start.links(state.q), start.links(state.dq)])
-    beliefs.update(Estimate(push=told), state, x, np.zeros(4), stands=True, exchanged=exchanged)
+    beliefs.update(Estimate(push=told), state, x, np.zeros(4), stands=True, swings=True, exchanged=exchanged)
     return beliefs.world.push
 
 
@@ -101,6 +102,57 @@ def test_one_landing_is_half_a_slope_and_two_are_one(belief, beliefs, landed):
         taught(beliefs, 0.0, 0.0, on(slope), exchanged=True)
         seen.append(beliefs.world.tangent)
     np.testing.assert_allclose(seen, [0.0, 0.05, 0.1, 0.0, -0.1], rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("speed", "felt"), [(-1.5, -1.5), (0.0, 0.0)])
+def test_scales_feel_a_blow_to_the_swing_foot_and_take_it_for_no_load(belief, speed, felt):
+    """The foot is stopped from one tick to the next; a walker that stands on nothing feels it too, and no load."""
+    q, dq = belief.gait.post_impact(belief.model)
+    x = np.concatenate([start.links(q), start.links(dq)])
+    world, stage, rates = start.world(belief.model), kernels.new_stage(), dynamics.new_rates()
+    for stands in (True, False):
+        scales, y = Scales(belief.model, world, PERIOD, 0.0), x.copy()
+        for _ in range(3):
+            scales.update(y, np.zeros(4), stands=True, exchanged=False)
+            dynamics.advance(world, np.zeros(4), PERIOD, stage, rates, rates, y)
+        arm = -world.walker.reach * np.cos(y[:5])  # of the foot's speed forward
+        y[5:] += arm * speed / (arm @ arm)
+        scales.update(y, np.zeros(4), stands=stands, exchanged=False)
+        assert scales.blow == pytest.approx(felt, abs=0.02) and scales.load == 0.0
+        assert scales.weighs == (stands and felt == 0.0)
+
+
+def test_a_foot_stopped_in_the_air_has_met_a_ledge():
+    """How high it is, is a guess until one foot stands on it, and of no matter when both do."""
+    ledge = Ledge()
+    assert not ledge.met(-0.1, 0.2, 0.03, 0.0) and not ledge.met(-2.0, 0.2, 0.003, 0.0)  # no blow; on the ground
+    assert not ledge.met(2.0, 0.2, 0.03, 0.0) and ledge.rise == 0.0  # from behind
+    assert ledge.met(-2.0, 0.2, 0.03, 0.0)
+    assert 0.06 < ledge.rise < 0.1 and 0.18 < ledge.edge < 0.2 and ledge.level == 0.0
+    ledge.missed(0.3, 0.05, 0.0)
+    assert 0.04 < ledge.rise < 0.05  # the foot is past the edge and feels nothing
+    assert ledge.landed(-0.4, -0.045, 0.0)
+    assert 0.045 < ledge.rise < 0.07 and ledge.level == -ledge.rise and -0.22 < ledge.edge < -0.2
+    assert ledge.met(-2.0, -0.15, -0.01, 0.0) and ledge.edge == pytest.approx(-0.16) and ledge.level < 0.0
+    assert not ledge.landed(-0.4, 0.0, 0.0) and ledge.rise == 0.0
+
+
+def test_a_ledge_just_ahead_is_not_under_the_stance_foot(belief):
+    """However near its riser is; and the next step of a plan has it where it is from there."""
+    ledge, stage = Ledge(), kernels.new_stage()
+    assert ledge.met(-2.0, 0.005, 0.03, 0.0)
+    world = start.world(belief.model)._replace(edge=ledge.edge, rise=ledge.rise, ramp=ledge.ramp)
+    assert cost.ledge(world, 0.0)[0] == 0.0 and cost.ledge(world, 0.01)[0] == ledge.rise
+    step = 1e-7
+    for ahead in np.linspace(-0.02, 0.02, 41):
+        slope = (cost.ledge(world, ahead + step)[0] - cost.ledge(world, ahead - step)[0]) / (2 * step)
+        assert cost.ledge(world, ahead)[1] == pytest.approx(slope, abs=0.2)
+    before = np.concatenate([start.links(belief.gait.q_minus), np.zeros(5)])
+    dynamics.place(before, stage)
+    length, above, _ = cost.foot(world, stage)
+    then = cost.beyond(world, before, stage)
+    assert then.level == -ledge.rise and then.edge == pytest.approx(ledge.edge - length)
+    assert above == pytest.approx(-ledge.rise, abs=1e-3)
 
 
 def test_the_share_goes_over_and_comes_back():

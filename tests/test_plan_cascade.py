@@ -76,6 +76,18 @@ def test_it_knows_a_load_from_a_push():
     assert (np.abs(load[50:] - 36.0) < 6.0).all() and np.abs(push).max() < 25.0
 
 
+def test_it_steps_over_a_ledge_that_it_stumbles_on():
+    """6 cm up that nobody told of: the foot meets the riser, is lifted over it, and so is the other one."""
+    ledge = {"plant.ground.ledges.0.height": 0.06, "plant.ground.ledges.0.position": 1.0}
+    summary, _, figures, _ = walk(with_values(Scenario(steps=6), PLAN | ledge))
+    assert summary.outcome == "completed"
+    believed, followed = of(figures, "plan ledge [m]"), of(figures, "plan followed")
+    assert believed[:1300].max() == 0.0 < believed.max() < 0.1 and followed.max() == 1.0
+    assert believed[-1] == followed[-1] == 0.0  # and all is calm again
+    second = bridge.run_scenario(with_values(Scenario(steps=6), PLAN | ledge | {"controller.kind": "c-mpc-ltv"}))
+    assert second.outcome == "fell"
+
+
 def test_the_same_bytes_again(pushed):
     """No wall clock: planning takes simulated time."""
     _, steps, figures, _ = pushed

@@ -1,4 +1,4 @@
-"""What a plan is made for: the push as far as it can last, and the ground as the last landings met it."""
+"""What a plan is made for: the push as far as it can last, and the ground as the feet have met it."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from controller.common.products import inner
 from controller.common.records import StanceState, Vector
 from controller.observer import Estimate
 from controller.plan.dynamics import World
+from controller.plan.ledge import Ledge
 from controller.plan.load import Scales
 
 BACK, FORWARD = -0.24, 0.48  # of the weight: a push beyond cannot last, since nobody could stand it; it is an impulse
@@ -24,19 +25,20 @@ class Beliefs:
 
     An impulse looks like a push that is far too large, and like a push while the estimate comes back from it; a plan
     for a push that lasts would be wrong. A ledge looks like a slope for one landing, so that one alone is half
-    believed, and two in a row that agree wholly. A push is believed as far as the observer, which knows no torque, and
-    the scales, which do, agree.
+    believed, and two in a row that agree wholly; one that the swing foot has run into is known as such. A push is
+    believed as far as the observer, which knows no torque, and the scales, which do, agree.
 
     Attributes:
         world: What is believed now.
         push: What pushes for the moment, an impulse too, in [N].
         scales: Tell the load.
+        ledge: That the swing foot has run into.
     """
 
     def __init__(self, model: WalkerModel, undisturbed: World, period: float, impact_time: float) -> None:
         """Args: model: the walker; undisturbed: its world; period: of the ticks; impact_time: of a landing, in [s]."""
         self._model, self._undisturbed, self._period = model, undisturbed, period
-        self.scales = Scales(model, undisturbed, period, impact_time)
+        self.scales, self.ledge = Scales(model, undisturbed, period, impact_time), Ledge()
         mass = 2.0 * (model.femur.mass + model.tibia.mass) + model.torso.mass
         self._weight = mass * model.lumped.gravity  # [N]
         self.reset()
@@ -45,14 +47,23 @@ class Beliefs:
         """Believe in nothing but the walker on level ground."""
         self.world = self._undisturbed
         self.scales.reset()
+        self.ledge.reset()
         self.push = self._borne = self._momentum = 0.0
         self._fading = 0.0  # [s] since an impulse
         self._impulse = False
         self._tangent = self._seen = 0.0
 
     def update(
-        self, estimate: Estimate, state: StanceState, x: Vector, u: Vector, *, stands: bool, exchanged: bool
-    ) -> None:
+        self,
+        estimate: Estimate,
+        state: StanceState,
+        x: Vector,
+        u: Vector,
+        *,
+        stands: bool,
+        swings: bool,
+        exchanged: bool,
+    ) -> bool:
         """Take in a tick.
 
         Args:
@@ -61,19 +72,35 @@ class Beliefs:
             x: The same in link angles and rates, (10,).
             u: Torque held since the tick before in [N.m], (4,), stance order.
             stands: Whether the stance foot touches the ground.
+            swings: Whether the swing foot does not.
             exchanged: Whether the legs have just been exchanged.
+
+        Returns:
+            Whether the swing foot has run into a ledge.
         """
         self.scales.update(x, u, stands=stands, exchanged=exchanged)
         told, felt = estimate.push + self._known_load(estimate.load, x), self.scales.push
         self.push = float(np.copysign(min(abs(told), abs(felt)), told)) if told * felt > 0.0 else 0.0
         ahead, height, _ = self._model.swing_foot(state.q, state.dq)
-        if exchanged and ahead < -BEHIND:
+        stumbled = swings and self.ledge.met(self.scales.blow, ahead, height, self._tangent)
+        if swings:
+            self.ledge.missed(ahead, height, self._tangent)
+        if exchanged and not self.ledge.landed(ahead, height, self._tangent) and ahead < -BEHIND:
             before, self._seen = self._seen, height / ahead
             agree = before * self._seen > 0.0 and abs(before) > AGREES * abs(self._seen)
             self._tangent = self._seen if agree else ALONE * self._seen
+        self.world = self._world(self._lasting(self.push), ahead, height)
+        return stumbled
+
+    def _world(self, push: float, ahead: float, height: float) -> World:
+        """What to plan for, with a swing foot there."""
+        ledge, carrying = self.ledge, self.scales.world
+        if ledge.rise > 0.0:
+            return carrying._replace(
+                push=push, tangent=self._tangent, level=ledge.level, edge=ledge.edge, rise=ledge.rise, ramp=ledge.ramp
+            )
         ground = under_the_foot(Ground(self._tangent, 0.0), ahead, height)
-        push = self._lasting(self.push)
-        self.world = self.scales.world._replace(push=push, tangent=ground.tangent, level=ground.level)
+        return carrying._replace(push=push, tangent=ground.tangent, level=ground.level)
 
     def _known_load(self, seen: float, x: Vector) -> float:
         """What the observer takes for a push and is the load, as late as it does, to be added in [N]."""

@@ -20,6 +20,7 @@ from controller.plan.share import Share
 from controller.plan.start import links, on_the_clock, plan_of_gait, world
 
 HEAVY = 1.0  # of the torso's own mass: a load at which the plan is followed
+CLIMB = 2.0  # how far from calm a ledge between the feet or ahead is
 STEEP = 0.05  # tangent of a slope believed in, at which the plan is followed
 
 
@@ -71,13 +72,16 @@ class PlanCascade(Law):
         estimate = self._observer.estimate
         x = np.concatenate([links(state.q), links(state.dq)])
         exchanged = state.leg is not old_leg
-        stands = observation.contact[0 if state.leg is Leg.LEFT else 1]
+        stance = 0 if state.leg is Leg.LEFT else 1
+        stands, swings = observation.contact[stance], not observation.contact[1 - stance]
         held = state.leg.from_body(self._torque)
-        self.beliefs.update(estimate, state, x, held, stands=stands, exchanged=exchanged)
+        stumbled = self.beliefs.update(estimate, state, x, held, stands=stands, swings=swings, exchanged=exchanged)
         off = self._off(state)
         self.share.look(off)
         if exchanged:
             self.planner.landed(x)
+        if stumbled:
+            self.planner.stumbled()
         u, planned = self.planner.tick(x, self.beliefs.world, rest=self.share.resting)
         if self.share.move(self.planner.found):
             self.calm.reset(self.stance.leg.value)
@@ -121,6 +125,7 @@ class PlanCascade(Law):
                 np.abs(y).max() / settings.output,
                 abs(dtheta - rate) / settings.rate,
                 abs(self.beliefs.world.tangent) / STEEP,
+                CLIMB if self.beliefs.ledge.rise > 0.0 else 0.0,
                 abs(self.beliefs.scales.load) / (HEAVY * self.model.torso.mass),
             )
         )
@@ -158,6 +163,7 @@ class PlanCascade(Law):
             "plan followed": self.share.value,
             "plan made": float(planner.made),
             "plan off calm": off,
+            "plan ledge [m]": self.beliefs.ledge.rise,
             "plan load [kg]": self.beliefs.scales.load,
             "plan push [N]": self.beliefs.world.push,
             "plan time left [s]": planner.left,

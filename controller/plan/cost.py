@@ -56,13 +56,37 @@ class Price(NamedTuple):
 
 
 @compiled
-def foot(world: World, stage: kernels.Stage) -> tuple[float, float]:
-    """Swing foot: ahead of the stance foot, and above the ground, in [m]."""
+def foot(world: World, stage: kernels.Stage) -> tuple[float, float, float]:
+    """Swing foot: ahead of the stance foot and above the ground in [m], and the tangent of the ground's slope there."""
     ahead, above = 0.0, 0.0
     for i in range(5):
         ahead -= world.walker.reach[i] * stage.sin[i]
         above += world.walker.reach[i] * stage.cos[i]
-    return ahead, above - world.tangent * ahead - world.level
+    above = above - world.tangent * ahead - world.level
+    if world.rise == 0.0:
+        return ahead, above, world.tangent
+    height, slope = ledge(world, ahead)
+    return ahead, above - height, world.tangent + slope
+
+
+@compiled
+def ledge(world: World, ahead: float) -> tuple[float, float]:
+    """What a ledge adds to the ground in [m] at a place ahead of the stance foot, and its slope; smooth before it."""
+    part = min(max((ahead - world.edge) / world.ramp + 1.0, 0.0), 1.0)
+    return world.rise * part * part * (3.0 - 2.0 * part), world.rise * 6.0 * part * (1.0 - part) / world.ramp
+
+
+@compiled
+def beyond(world: World, x: Array, stage: kernels.Stage) -> World:
+    """The world as the step has it that begins with the landing at a state, (10,)."""
+    if world.rise == 0.0:
+        return world
+    place(x, stage)
+    ahead, _, _ = foot(world, stage)
+    height, _ = ledge(world, ahead)
+    return World(
+        world.walker, world.lever, world.push, world.tangent, -height, world.edge - ahead, world.rise, world.ramp
+    )  # fmt: skip
 
 
 @compiled
@@ -94,7 +118,7 @@ def stage_rows(
     limited = 1.0 / price.force if price.friction.penalty > 0.0 else 0.0
     beyond = excess(price.friction, along)
     r[0], r[1], r[2] = limited * beyond[0], limited * beyond[1], limited * beyond[2]
-    _, above = foot(world, stage)
+    _, above, tangent = foot(world, stage)
     r[3] = (least - above) / HEIGHT
     r[4] = (x[2] - x[0] + KNEE) / KNEE
     r[5] = (x[3] - x[1] + KNEE) / KNEE
@@ -119,7 +143,7 @@ def stage_rows(
             n = m - N_X
             r_u[0, n], r_u[1, n], r_u[2, n] = limited * a, limited * b, limited * c
     for i in range(5):
-        r_x[3, i] = walker.reach[i] * (stage.sin[i] - world.tangent * stage.cos[i]) / HEIGHT
+        r_x[3, i] = walker.reach[i] * (stage.sin[i] - tangent * stage.cos[i]) / HEIGHT
     r_x[4, 2], r_x[4, 0] = 1.0 / KNEE, -1.0 / KNEE
     r_x[5, 3], r_x[5, 1] = 1.0 / KNEE, -1.0 / KNEE
     r_x[6, 4] = 1.0 / LEAN_SCALE
@@ -142,15 +166,15 @@ def landing_rows(
         r_x[i, i] = root / price.angle
         r_x[5 + i, 5 + i] = root / price.speed
     place(x, stage)
-    ahead, above = foot(world, stage)
+    ahead, above, tangent = foot(world, stage)
     reach = -walker.reach[0] - walker.reach[2]
     rate = 0.0
     for i in range(5):
-        gradient = -walker.reach[i] * (stage.sin[i] - world.tangent * stage.cos[i])
+        gradient = -walker.reach[i] * (stage.sin[i] - tangent * stage.cos[i])
         rate += gradient * x[5 + i]
         r_x[10, i] = gradient / price.height
         r_x[11, 5 + i] = gradient / DESCENT_SCALE
-        r_x[11, i] = -walker.reach[i] * (stage.cos[i] + world.tangent * stage.sin[i]) * x[5 + i] / DESCENT_SCALE
+        r_x[11, i] = -walker.reach[i] * (stage.cos[i] + tangent * stage.sin[i]) * x[5 + i] / DESCENT_SCALE
         r_x[12, i] = walker.reach[i] * stage.cos[i] / LENGTH_SCALE
         r_x[13, i] = -walker.reach[i] * stage.cos[i] / LENGTH_SCALE
     r[10] = above / price.height

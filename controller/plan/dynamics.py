@@ -31,6 +31,9 @@ class World(NamedTuple):
         push: Horizontal force there in [N].
         tangent: Of the ground's slope, uphill positive.
         level: Of the ground at the stance foot in [m].
+        edge: Where a ledge is, ahead of the stance foot in [m].
+        rise: Of the ground there in [m]; 0 without a ledge.
+        ramp: Way before it over which the ground rises, for the sake of derivatives, in [m].
     """
 
     walker: Walker
@@ -38,6 +41,9 @@ class World(NamedTuple):
     push: float
     tangent: float
     level: float
+    edge: float
+    rise: float
+    ramp: float
 
 
 class Rates(NamedTuple):
@@ -89,7 +95,7 @@ def place(x: Array, stage: kernels.Stage) -> None:
 @compiled
 def accelerate(world: World, x: Array, u: Array, stage: kernels.Stage, linearise: bool, out: Rates) -> None:
     """Accelerations and contact force at a state under a torque, and their derivatives if asked for."""
-    walker, lever, push, _, _ = world
+    walker, lever, push = world.walker, world.lever, world.push
     place(x, stage)
     kernels.link_inertia(walker, stage)
     kernels.factor_inertia(stage)

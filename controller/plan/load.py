@@ -20,6 +20,7 @@ from controller.belief.lumped import lump
 from controller.common.compiled import Array, compiled
 from controller.common.records import Vector
 from controller.plan.dynamics import N_X, Rates, World, accelerate, new_rates
+from controller.plan.ledge import BLOW
 
 MEMORY = 0.3  # [s] that is looked back
 CALM = 0.03  # [s] over which the push is averaged
@@ -44,10 +45,10 @@ def _moves(world: World, gyration: float, x: Array, acceleration: Array, stage: 
 
 @compiled
 def weigh(
-    bare: World, loaded: World, gyration: float, period: float, kept: float, x: Array, after: Array, u: Array,
-    stage: kernels.Stage, start: Rates, end: Rates, sums: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """Take in how the links moved in a tick.
+    bare: World, loaded: World, gyration: float, period: float, x: Array, after: Array, u: Array, stage: kernels.Stage,
+    start: Rates, end: Rates,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """What made the links move as they did in a tick.
 
     Noise of the rates is in the accelerations measured, so in b' and in r', and would look like a load; b' of the
     accelerations expected is correlated with instead (an instrumental variable).
@@ -57,17 +58,16 @@ def weigh(
         loaded: The same with the load believed so far.
         gyration: Square of the torso's radius of gyration in [m^2].
         period: Of a tick in [s].
-        kept: Share of what was seen before that is kept.
         x: State at its beginning, (10,).
         after: State at its end, (10,).
         u: Torque held in [N.m], (4,).
         stage: Scratch.
         start: Scratch.
         end: Scratch.
-        sums: Integrals of b'^2 and b' r', (2,); changed.
 
     Returns:
-        What moved the links along D^-1 a, and how far a kilogram of load does, in [N] and [N/kg].
+        What moved the links along D^-1 a in [N], and how far a kilogram of load does in [N/kg]; b'^2 and b' r'; and the
+        change of the swing foot's speed forward that nothing known explains in [m/s].
     """
     push, load, guess, error, measured = np.empty(5), np.empty(5), np.empty(5), np.empty(5), np.empty(5)
     accelerate(loaded, x, u, stage, False, end)
@@ -78,6 +78,9 @@ def weigh(
         measured[i] = (after[5 + i] - x[5 + i]) / period
         error[i] = measured[i] - 0.5 * (start.acceleration[i] + end.acceleration[i])
         push[i] = -bare.lever[i] * stage.cos[i]
+    blow = 0.0
+    for i in range(5):
+        blow -= bare.walker.reach[i] * stage.cos[i] * error[i] * period
     cholesky5_solve(stage.L, push)
     _moves(bare, gyration, x, measured, stage, load)
     _moves(bare, gyration, x, expected, stage, guess)
@@ -92,9 +95,7 @@ def weigh(
         across = guess[i] - pg / pp * push[i]
         gl += across * load[i]
         ge += across * error[i]
-    sums[0] = kept * sums[0] + gl * period
-    sums[1] = kept * sums[1] + ge * period
-    return pe / pp, pl / pp
+    return pe / pp, pl / pp, gl, ge, blow
 
 
 class Scales:
@@ -105,7 +106,9 @@ class Scales:
         push: In [N].
         world: The walker with it, unpushed on level ground.
         gyration: Square of the torso's radius of gyration in [m^2].
-        weighs: Whether the last tick told anything: no landing lasts.
+        weighs: Whether the last tick told a load: no landing lasts, and no blow came.
+        blow: Change of the swing foot's speed in it that nothing known explains in [m/s], forward; 0 while a
+            landing lasts.
     """
 
     def __init__(self, model: WalkerModel, undisturbed: World, period: float, skip: float) -> None:
@@ -114,13 +117,14 @@ class Scales:
         self._skip, self._kept = round(skip / period) + 2, float(np.exp(-period / MEMORY))
         self.gyration = model.torso.inertia / model.torso.mass
         self._stage, self._start, self._end = kernels.new_stage(), new_rates(), new_rates()
-        self._before, self._sums = np.zeros(N_X), np.zeros(2)
+        self._before = np.zeros(N_X)
         self.reset()
 
     def reset(self) -> None:
         """Nothing is on the scales."""
         self.load, self.push, self.world = 0.0, 0.0, self._bare
-        self._sums[:] = 0.0
+        self.blow = 0.0
+        self._square = self._product = 0.0  # integrals of b'^2 and b' r' over the time looked back
         self._wait, self.weighs = 1, False
 
     def update(self, x: Vector, u: Vector, *, stands: bool, exchanged: bool) -> None:
@@ -132,16 +136,24 @@ class Scales:
             stands: Whether the stance foot touches the ground.
             exchanged: Whether the legs have just been exchanged.
         """
-        if exchanged or not stands:
+        if exchanged:
             self._wait = self._skip
-        self.weighs = self._wait == 0
+        moves = self._wait == 0
         self._wait = max(self._wait - 1, 0)
-        if self.weighs:
-            along, per_load = weigh(
-                self._bare, self.world, self.gyration, self._period, self._kept, self._before, x, u, self._stage,
-                self._start, self._end, self._sums,
+        self.blow = 0.0
+        if moves:
+            along, per_load, square, product, self.blow = weigh(
+                self._bare, self.world, self.gyration, self._period, self._before, x, u, self._stage, self._start,
+                self._end,
             )  # fmt: skip
-            load = float(self._sums[1] / (max(self._sums[0], 0.0) + DOUBT))
+        rests = stands and abs(self.blow) < BLOW
+        self.weighs = moves and rests
+        if not rests:
+            self._wait = self._skip - 1
+        if self.weighs:
+            self._square = self._kept * self._square + square * self._period
+            self._product = self._kept * self._product + product * self._period
+            load = self._product / (max(self._square, 0.0) + DOUBT)
             self.push += self._period / CALM * (along - load * per_load - self.push)
             self._believe(load)
         self._before[:] = x

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from controller.belief import kernels
 from controller.common.compiled import Array, compiled
-from controller.plan.cost import LANDING_ROWS, ROWS, Price, landing_rows, stage_rows
+from controller.plan.cost import LANDING_ROWS, ROWS, Price, beyond, landing_rows, stage_rows
 from controller.plan.dynamics import COLUMNS, N_U, N_X, Rates, World, advance, advance_tangent, new_rates, strike
 
 EXACT = 3.0  # violation, in its scale, beyond which a soft limit costs in proportion
@@ -180,6 +180,7 @@ def assess(
         if course.impact[n]:
             total += _end_cost(price, world, x, False, room)
             strike(world.walker, plan.x[n], room.stage, False, room.J, x)
+            world = beyond(world, plan.x[n], room.stage)
         else:
             u = plan.u[n]
             for i in range(N_U):
@@ -231,6 +232,7 @@ def model(price: Price, world: World, course: Course, plan: Motion, room: Room, 
             _end_cost(price, world, plan.x[s], False, room)
             _square(room.l, room.l_x, H, g)
             strike(world.walker, plan.x[s], room.stage, True, room.J, x)
+            world = beyond(world, plan.x[s], room.stage)
             for i in range(N_X):
                 out.gap[s, i] = x[i] - plan.x[s + 1, i]
                 for m in range(N_X):

@@ -154,6 +154,10 @@ class Planner:
         self._waiting = -1
         self._next = 0
 
+    def stumbled(self) -> None:
+        """The swing foot has run into a ledge: drop what is being planned without it, and plan at once."""
+        self._waiting, self._next = -1, 0
+
     def tick(self, x: Vector, world: World, *, rest: bool = False) -> tuple[Vector, Vector]:
         """Torque of a tick and the planned one that it corrects in [N.m], (4,) each, stance order.
 

@@ -29,7 +29,7 @@ def links(q: Vector) -> Vector:
 def world(model: WalkerModel) -> World:
     """The walker undisturbed on level ground."""
     lever = np.array([model.lumped.reach[0], 0.0, model.lumped.reach[2], 0.0, model.torso.com])
-    return World(model.lumped, lever, 0.0, 0.0, 0.0)
+    return World(model.lumped, lever, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def price(model: WalkerModel, gait: Gait, settings: PlanSettings, friction: Friction, time: float) -> Price:

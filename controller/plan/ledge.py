@@ -1,0 +1,76 @@
+"""A ledge that the swing foot has run into: where it is, and how high it may be until a foot has stood on it."""
+
+BLOW = 0.4  # [m/s] change of the swing foot's speed in a tick that something it met has made
+AIR = 0.005  # [m] above the ground, from which on a foot that is stopped has not landed
+HIGHER = 0.05  # [m] than the foot that met its riser, a ledge may be
+BEFORE = 0.01  # [m] it, a foot must be as high
+RAMP = 0.03  # [m] before it over which the ground rises to it
+NEAR = 0.004  # [m] the stance foot is before it at least
+SPARE = 0.015  # [m] that the other foot is lifted higher than it is
+LOW = 0.01  # [m]: a ledge that turns out to be lower is none
+PAST = 0.02  # [m] it, a foot that feels no ground tells that it is lower
+UNDER = 2e-3  # [m] such a foot the ground is
+
+
+class Ledge:
+    """What is believed of the one ledge that matters, between the feet or just ahead.
+
+    Attributes:
+        edge: Where it is, ahead of the stance foot in [m].
+        rise: Its height in [m]; 0 where none is known.
+        ramp: Way before it over which the ground rises in [m].
+        level: Of the ground before it, from the stance foot in [m]: below 0 where that stands on it.
+    """
+
+    def __init__(self) -> None:
+        """Know of none."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget it."""
+        self.edge = self.rise = self.level = 0.0
+        self.ramp = RAMP
+
+    def met(self, blow: float, ahead: float, height: float, tangent: float) -> bool:
+        """Take in a blow to a swing foot that feels no ground; whether it has run into a riser.
+
+        Args:
+            blow: Change of its speed in a tick that nothing known explains in [m/s], forward.
+            ahead: Of the stance foot in [m].
+            height: Above the stance foot in [m].
+            tangent: Of the ground's slope.
+        """
+        above = height - tangent * ahead
+        if blow > -BLOW or above - self.level < AIR:
+            return False
+        if not (self.level < 0.0 and ahead < RAMP):  # or else it is the one that the stance foot is on
+            self.level, self.rise = 0.0, above + HIGHER
+            ahead = max(ahead, NEAR + BEFORE)
+            self.ramp = min(RAMP, ahead - BEFORE)
+        self.edge = ahead - BEFORE
+        return True
+
+    def missed(self, ahead: float, height: float, tangent: float) -> None:
+        """Take in where a swing foot feels no ground: past the edge it is lower than believed."""
+        if self.rise > 0.0 and ahead > self.edge + PAST:
+            self.rise = min(self.rise, max(height - tangent * ahead - self.level - UNDER, 0.0))
+
+    def landed(self, behind: float, height: float, tangent: float) -> bool:
+        """Take in a landing; whether the ledge is what makes the footholds differ in height.
+
+        Args:
+            behind: The old foot, ahead of the new one in [m], negative.
+            height: Of the old foot above the new one in [m].
+            tangent: Of the ground's slope.
+        """
+        if self.rise == 0.0:
+            return False
+        step = tangent * behind - height
+        self.edge += behind
+        if self.level < 0.0:  # both feet are on it now
+            self.reset()
+        elif self.edge < RAMP and step > LOW:
+            self.rise = step + SPARE
+            self.level = -self.rise
+            return True
+        return False
