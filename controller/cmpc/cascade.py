@@ -17,6 +17,7 @@ from controller.common.held import Held
 from controller.common.products import applied
 from controller.common.records import (
     OBSERVATION,
+    STEP,
     ControlStep,
     Leg,
     Observation,
@@ -179,7 +180,7 @@ class CascadedMpc(Law):
         return held
 
 
-def compile_foresight(law: Any) -> None:
-    """Compile what a tick does before it solves, and what hands its parts over."""
-    seen = np.zeros(1, OBSERVATION)
-    compile_for(foresee, law._parts(law.solver), law.stance.memory, seen, 0)
+def compile_half(law: Any, half: str) -> None:
+    """Compile one half of a tick, "foresee" or "settle", and what hands the law's parts over to it."""
+    kernel, rows = {"foresee": (foresee, OBSERVATION), "settle": (settle, STEP)}[half]
+    compile_for(kernel, law._parts(law.solver), law.stance.memory, np.zeros(1, rows), 0)

@@ -45,8 +45,13 @@ TOPS = {
 }
 """The kernels that are compiled last for a law or a plant."""
 
-PARTS = {"c-mpc": ("controller.qp.riccati_solver:compile_kernels", "sim.bridge.kernels:look_ahead")}
-"""What a law has that two processes compile at the same time, each for itself."""
+PARTS = {
+    "c-mpc": (
+        "controller.qp.riccati_solver:compile_kernels;sim.bridge.kernels:settle",
+        "sim.bridge.kernels:look_ahead",
+    )
+}
+"""What a law has that two processes compile at the same time: the first finds what both need made by the other."""
 
 KERNELS = {"c-mpc": 115, "zd-pd": 45, "c-mpc-ltv": 75, "c-mpc-plan": 115, "clf-qp": 45, "output-mpc": 45}
 """About how many kernels a run under a law needs."""
@@ -179,15 +184,26 @@ def _end_with_the_other() -> None:
     os._exit(1)
 
 
+def settle() -> None:
+    """Compile how C-MPC solves what a tick asks."""
+    from controller.cmpc.cascade import compile_half
+    from sim.bridge.run import build_controller, known_belief
+    from sim.scenario import Scenario
+
+    scenario = Scenario()
+    law = build_controller(scenario.controller, known_belief(scenario.walker, scenario.gait))
+    compile_half(law, "settle")
+
+
 def look_ahead() -> None:
     """Compile what a tick of C-MPC does before it solves, and the plant it stands on."""
-    from controller.cmpc.cascade import compile_foresight
+    from controller.cmpc.cascade import compile_half
     from sim.bridge.run import build_controller, build_plant, known_belief, start_state
     from sim.scenario import Scenario
 
     scenario = Scenario()
     belief = known_belief(scenario.walker, scenario.gait)
-    compile_foresight(build_controller(scenario.controller, belief))
+    compile_half(build_controller(scenario.controller, belief), "foresee")
     plant: Any = build_plant(scenario)
     plant.reset(*start_state(scenario, belief), LEGS[0])
     plant.observe()
