@@ -37,6 +37,19 @@ def test_compiled_code_reads_and_writes_the_arrays_of_python():
     assert mark(those) == 2.0 * 5.0
 
 
+@njit
+def listed(those):
+    narrow, flag, (x, pair), one, code, y = held(those)
+    return (narrow, flag, pair[0], pair[1], one, code, x[1, 2], y[3], x.strides[1], y.strides[0], x.size)
+
+
+def test_numbers_of_every_kind_lie_where_compiled_code_looks():
+    """Between narrow ones and flags are gaps, and nested tuples of one type are arrays to it; strides as they are."""
+    x, y = np.arange(12.0).reshape(3, 4)[:, ::-1], np.arange(8)[::2]
+    value = np.int8(-3), True, (x, (7, 8)), np.float32(0.5), np.int32(1 << 20), y
+    assert listed(Held(value)) == (-3, True, 7, 8, 0.5, 1 << 20, 5.0, 6, -8, 16, 12)
+
+
 def test_arrays_live_as_long_as_the_handle_and_no_longer():
     x = np.zeros(1000)
     watched = weakref.ref(x)

@@ -8,16 +8,15 @@ Types that are handed over are named on disk: they must be this project's or pla
 Common ground of both worlds: it knows nothing of a walker.
 """
 
+import struct
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
-from numba.core import cgutils
 from numba.core.registry import cpu_target
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
-
-from controller.common.compiled import generic
 
 
 class HeldType(types.Type):
@@ -48,51 +47,17 @@ def _unbox(kind: Any, thing: Any, c: Any) -> Any:
     return NativeValue(value)
 
 
-def _room(context: Any, builder: Any, kind: Any, address: Any) -> Any:
-    return builder.inttoptr(address, context.get_value_type(kind).as_pointer())
-
-
-def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """A value whose arrays have no owner: counting who holds them costs as much as small arithmetic on them."""
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value=value)
-        array.meminfo = array.parent = cgutils.get_null_value(array.meminfo.type)
-        return array._getvalue()
-    if isinstance(kind, types.BaseTuple):
-        parts: Any = kind
-        for number, part in enumerate(parts.types):
-            lent = _lent(context, builder, part, builder.extract_value(value, number))
-            value = builder.insert_value(value, lent, number)
-    return value
-
-
-def _store(typing: Any, address: Any, value: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kind = signature.args[1]
-        lent = _lent(context, builder, kind, arguments[1])
-        builder.store(lent, _room(context, builder, kind, arguments[0]), align=8)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, value), generate
-
-
 def _held(typing: Any, handle: Any) -> Any:
     """The tuple that a `Held` keeps."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kind = signature.return_type
-        return builder.load(_room(context, builder, kind, arguments[0]), align=8)
+        there = builder.inttoptr(arguments[0], context.get_value_type(signature.return_type).as_pointer())
+        return builder.load(there, align=8)
 
     return handle.of(handle), generate
 
 
-store: Any = intrinsic(_store)
 held: Any = intrinsic(_held)
-
-
-@generic
-def _keep(address: int, value: Any) -> None:
-    store(address, value)
 
 
 def mark(value: Any) -> Any:
@@ -113,13 +78,47 @@ def mark(value: Any) -> Any:
 _OWN: dict[int, Any] = {}
 
 
-def _keeper(kind: Any) -> tuple[HeldType, Any, int]:
-    """What a tuple of a type is handed over as, what keeps it, and how many numbers of 64 bits it takes."""
-    kinds = types.int64, kind
-    _keep.compile(kinds)
+def _keeper(kind: Any) -> tuple[HeldType, struct.Struct]:
+    """What a tuple of a type is handed over as, and how the numbers that it is made of lie in memory."""
     context = cpu_target.target_context
-    size = context.get_abi_sizeof(context.get_value_type(kind)) // 8 + 1
-    return HeldType(kind), _keep.overloads[kinds].entry_point, size
+    target, layout = context.target_data, context.get_value_type(kind)
+    text, end = "=", 0
+    for offset, code in _numbers(kind, layout, target, 0):
+        text += f"{offset - end}x{code}"
+        end = offset + struct.calcsize(f"={code}")
+    return HeldType(kind), struct.Struct(f"{text}{layout.get_abi_size(target) - end}x")
+
+
+def _numbers(kind: Any, layout: Any, target: Any, at: int) -> Iterator[tuple[int, str]]:
+    """Offset in bytes and code, as `struct` has them, of each number that a value of a type is made of."""
+    if isinstance(kind, types.Array):
+        yield at, f"{5 + 2 * kind.ndim}q"
+    elif isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        for number, part in enumerate(parts.types):
+            if isinstance(layout, ir.ArrayType):
+                below, offset = layout.element, number * layout.element.get_abi_size(target)
+            else:
+                below, offset = layout.elements[number], layout.get_element_offset(target, number)
+            yield from _numbers(part, below, target, at + offset)
+    else:
+        yield at, _CODES[layout.intrinsic_name]
+
+
+_CODES = {"i1": "?", "i8": "b", "i16": "h", "i32": "i", "i64": "q", "f32": "f", "f64": "d"}
+
+
+def _values(value: Any) -> Iterator[Any]:
+    """The numbers that a value is made of; an array's owner, who would be counted, is nobody."""
+    if isinstance(value, tuple):
+        for part in value:
+            yield from _values(part)
+    elif isinstance(value, np.ndarray):
+        yield from (0, 0, value.size, value.itemsize, value.__array_interface__["data"][0])
+        yield from value.shape
+        yield from value.strides
+    else:
+        yield getattr(value, "address", value)
 
 
 class Held:
@@ -136,11 +135,11 @@ class Held:
         key = mark(value)
         if key not in _KNOWN:
             _KNOWN[key] = _keeper(typeof(value))
-        self._numba_type_, keep, size = _KNOWN[key]
-        self._memory = np.zeros(size, dtype=np.int64)
+        self._numba_type_, numbers = _KNOWN[key]
+        self._memory = np.zeros(numbers.size // 8 + 1, dtype=np.int64)
         self.address = int(self._memory.__array_interface__["data"][0])
-        keep(self.address, value)
+        numbers.pack_into(self._memory.data, 0, *_values(value))
 
 
-_KNOWN: dict[Any, tuple[HeldType, Any, int]] = {}
+_KNOWN: dict[Any, tuple[HeldType, struct.Struct]] = {}
 """By the mark of a tuple."""

@@ -51,7 +51,8 @@ PARTS = {
         "sim.bridge.kernels:look_ahead",
     )
 }
-"""What a law has that two processes compile at the same time: the first finds what both need made by the other."""
+"""What a law has that two processes compile at the same time; the first finds what both need made by the other, and
+walks in the end."""
 
 KERNELS = {"c-mpc": 115, "zd-pd": 45, "c-mpc-ltv": 75, "c-mpc-plan": 115, "clf-qp": 45, "output-mpc": 45}
 """About how many kernels a run under a law needs."""
@@ -93,13 +94,15 @@ def prepare(kind: str, plant: str, *, stop: Callable[[], object] = lambda: None,
     """
     law, done = law_of(kind), 0
     walk = f"sim.bridge.kernels:walk:{law}:{plant}"
-    together = (*PARTS[law], walk) if law in PARTS and not on_disk(named(TOPS[law][0])) else (walk,)
-    for stage in (together[:-1], together[-1:]) if (os.cpu_count() or 1) > 1 else ((walk,),):
-        for name in compiled_by(stage, stop):
-            done += 1
-            show(done, max(KERNELS.get(law, 0), done), name)
-            if stop():
-                return
+    places: tuple[str, ...] = (walk,)
+    if law in PARTS and not on_disk(named(TOPS[law][0])) and (os.cpu_count() or 1) > 1:
+        first, *others = PARTS[law]
+        places = (f"{first};{walk}", *others)
+    for name in compiled_by(places, stop):
+        done += 1
+        show(done, max(KERNELS.get(law, 0), done), name)
+        if stop():
+            return
 
 
 def prepare_all() -> None:
