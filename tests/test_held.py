@@ -62,24 +62,38 @@ def test_arrays_live_as_long_as_the_handle_and_no_longer():
     assert watched() is None
 
 
-OTHER = """
-import sys, types, typing
-import numpy as np
-sys.path[:0] = [{root!r}, {here!r}]
-import strangers
-from controller.common.held import Held
-Held(strangers.Record(np.zeros(3)))
+FIRST = """
+from controller.common.compiled import generic
+from controller.common.held import held
+
+@generic
+def first(those):
+    return held(those)[0]
 """
+RECORD = """
+from typing import Any, NamedTuple
+
+class Record(NamedTuple):
+    x: Any
+"""
+THEIRS = "import strangers; from kernel import first; from controller.common.held import Held"
+OURS = "from kernel import first; from controller.common.held import Held"
 
 
 def test_what_a_stranger_kept_on_disk_is_no_obstacle(tmp_path):
-    (tmp_path / "strangers.py").write_text(
-        "from typing import Any, NamedTuple\n\nclass Record(NamedTuple):\n    x: Any\n"
-    )
-    kept = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
-    code = OTHER.format(root=str(ROOT), here=str(tmp_path))
-    subprocess.run([sys.executable, "-c", code], check=True, env=kept)
-    ours = "from typing import NamedTuple; from controller.common.held import Held; Held((1.0, True))"
-    done = subprocess.run([sys.executable, "-c", ours], check=True, env=kept, cwd=ROOT, capture_output=True, text=True)
-    assert done.stderr == ""
-    subprocess.run([sys.executable, "-c", code], check=True, env=kept)
+    """A kernel that takes records of any class, compiled for one that another process has not got."""
+    for name, text in (("both/kernel.py", FIRST), ("theirs/strangers.py", RECORD)):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(text)
+
+    def run(code, *folders):
+        path = os.pathsep.join(map(str, (ROOT, *(tmp_path / folder for folder in folders))))
+        kept = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": path}
+        done = subprocess.run([sys.executable, "-c", code], check=True, env=kept, capture_output=True, text=True)
+        assert done.stderr == ""
+
+    theirs = f"{THEIRS}; assert first(Held(strangers.Record(2.5))) == 2.5"
+    run(theirs, "both", "theirs")
+    assert list((tmp_path / "kept").rglob("*.nbc"))
+    run(f"{OURS}; assert first(Held((1.0, True))) == 1.0", "both")
+    run(theirs, "both", "theirs")
