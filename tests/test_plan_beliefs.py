@@ -137,6 +137,19 @@ def test_a_foot_stopped_in_the_air_has_met_a_ledge():
     assert not ledge.landed(-0.4, 0.0, 0.0) and ledge.rise == 0.0
 
 
+def test_a_ledge_that_no_foot_finds_is_forgotten():
+    """Whether the foot is past its edge and as low as ever, or has landed there; one that is still ahead is kept."""
+    ledge = Ledge()
+    assert ledge.met(-2.0, 0.2, 0.03, 0.0)
+    ledge.missed(0.3, 0.001, 0.0)
+    assert ledge.rise == 0.0
+    assert ledge.met(-2.0, 0.2, 0.03, 0.0) and not ledge.landed(-0.4, 0.0, 0.0)
+    assert ledge.rise == 0.0
+    for foothold in (0.15, 0.199):
+        assert ledge.met(-2.0, 0.2, 0.03, 0.0) and not ledge.landed(-foothold, 0.0, 0.0)
+        assert ledge.rise > 0.06 and ledge.level == 0.0 and 0.0 < ledge.ramp <= ledge.edge
+
+
 def test_a_ledge_just_ahead_is_not_under_the_stance_foot(belief):
     """However near its riser is; and the next step of a plan has it where it is from there."""
     ledge, stage = Ledge(), kernels.new_stage()

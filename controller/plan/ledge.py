@@ -45,15 +45,16 @@ class Ledge:
             return False
         if not (self.level < 0.0 and ahead < RAMP):  # or else it is the one that the stance foot is on
             self.level, self.rise = 0.0, above + HIGHER
-            ahead = max(ahead, NEAR + BEFORE)
-            self.ramp = min(RAMP, ahead - BEFORE)
         self.edge = ahead - BEFORE
+        self._ahead()
         return True
 
     def missed(self, ahead: float, height: float, tangent: float) -> None:
         """Take in where a swing foot feels no ground: past the edge it is lower than believed."""
         if self.rise > 0.0 and ahead > self.edge + PAST:
-            self.rise = min(self.rise, max(height - tangent * ahead - self.level - UNDER, 0.0))
+            self.rise = min(self.rise, height - tangent * ahead - self.level - UNDER)
+            if self.rise <= 0.0:
+                self.reset()
 
     def landed(self, behind: float, height: float, tangent: float) -> bool:
         """Take in a landing; whether the ledge is what makes the footholds differ in height.
@@ -67,10 +68,17 @@ class Ledge:
             return False
         step = tangent * behind - height
         self.edge += behind
-        if self.level < 0.0:  # both feet are on it now
-            self.reset()
-        elif self.edge < RAMP and step > LOW:
+        if self.level == 0.0 and self.edge < RAMP and step > LOW:
             self.rise = step + SPARE
             self.level = -self.rise
             return True
+        if self.level < 0.0 or self.edge < -PAST:  # both feet are on it, or it is none
+            self.reset()
+        self._ahead()
         return False
+
+    def _ahead(self) -> None:
+        """However near its riser is, a stance foot that is not on it is before it."""
+        if self.rise > 0.0 and self.level == 0.0:
+            self.edge = max(self.edge, NEAR)
+            self.ramp = min(RAMP, self.edge)
