@@ -100,7 +100,7 @@ def test_one_landing_is_half_a_slope_and_two_are_one(belief, beliefs, landed):
     seen = []
     for slope in (0.0, 0.1, 0.1, 0.0, -0.2):
         taught(beliefs, 0.0, 0.0, on(slope), exchanged=True)
-        seen.append(beliefs.world.tangent)
+        seen.append(beliefs.world.terrain.tangent)
     np.testing.assert_allclose(seen, [0.0, 0.05, 0.1, 0.0, -0.1], rtol=0, atol=1e-3)
 
 
@@ -154,16 +154,16 @@ def test_a_ledge_just_ahead_is_not_under_the_stance_foot(belief):
     """However near its riser is; and the next step of a plan has it where it is from there."""
     ledge, stage = Ledge(), kernels.new_stage()
     assert ledge.met(-2.0, 0.005, 0.03, 0.0)
-    world = start.world(belief.model)._replace(edge=ledge.edge, rise=ledge.rise, ramp=ledge.ramp)
-    assert cost.ledge(world, 0.0)[0] == 0.0 and cost.ledge(world, 0.01)[0] == ledge.rise
+    walker, terrain = belief.model.lumped, ledge.terrain(0.0)
+    assert cost.ledge(terrain, 0.0)[0] == 0.0 and cost.ledge(terrain, 0.01)[0] == ledge.rise
     step = 1e-7
     for ahead in np.linspace(-0.02, 0.02, 41):
-        slope = (cost.ledge(world, ahead + step)[0] - cost.ledge(world, ahead - step)[0]) / (2 * step)
-        assert cost.ledge(world, ahead)[1] == pytest.approx(slope, abs=0.2)
+        slope = (cost.ledge(terrain, ahead + step)[0] - cost.ledge(terrain, ahead - step)[0]) / (2 * step)
+        assert cost.ledge(terrain, ahead)[1] == pytest.approx(slope, abs=0.2)
     before = np.concatenate([start.links(belief.gait.q_minus), np.zeros(5)])
     dynamics.place(before, stage)
-    length, above, _ = cost.foot(world, stage)
-    then = cost.beyond(world, before, stage)
+    length, above, _ = cost.foot(walker, terrain, stage)
+    then = cost.beyond(walker, terrain, before, stage)
     assert then.level == -ledge.rise and then.edge == pytest.approx(ledge.edge - length)
     assert above == pytest.approx(-ledge.rise, abs=1e-3)
 

@@ -48,7 +48,7 @@ def slopes(f, x, e=1e-6):
 def test_derivatives_are_those_of_the_motion(belief, gait, seed):
     """By state, torque and time, and the force's and the impact's by the state, against central differences."""
     rng = np.random.default_rng(seed)
-    world = start.world(belief.model)._replace(push=float(rng.normal(0, 40)), tangent=0.1)
+    world = start.world(belief.model)._replace(push=float(rng.normal(0, 40)), terrain=dynamics.Terrain(0.1))
     x = gait[0].nominal + rng.normal(0, 0.2, N_X)
     u, h = rng.normal(0, 20, N_U), 0.01
     room = motion.new_room()

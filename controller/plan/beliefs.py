@@ -7,7 +7,7 @@ from controller.belief.ground import Ground, under_the_foot
 from controller.common.products import inner
 from controller.common.records import StanceState, Vector
 from controller.observer import Estimate
-from controller.plan.dynamics import World
+from controller.plan.dynamics import Terrain, World
 from controller.plan.ledge import Ledge
 from controller.plan.load import Scales
 
@@ -94,13 +94,11 @@ class Beliefs:
 
     def _world(self, push: float, ahead: float, height: float) -> World:
         """What to plan for, with a swing foot there."""
-        ledge, carrying = self.ledge, self.scales.world
-        if ledge.rise > 0.0:
-            return carrying._replace(
-                push=push, tangent=self._tangent, level=ledge.level, edge=ledge.edge, rise=ledge.rise, ramp=ledge.ramp
-            )
-        ground = under_the_foot(Ground(self._tangent, 0.0), ahead, height)
-        return carrying._replace(push=push, tangent=ground.tangent, level=ground.level)
+        if self.ledge.rise > 0.0:
+            terrain = self.ledge.terrain(self._tangent)
+        else:
+            terrain = Terrain(*under_the_foot(Ground(self._tangent, 0.0), ahead, height))
+        return self.scales.world._replace(push=push, terrain=terrain)
 
     def _known_load(self, seen: float, x: Vector) -> float:
         """What the observer takes for a push and is the load, as late as it does, to be added in [N]."""

@@ -124,7 +124,7 @@ class PlanCascade(Law):
                 abs(self.beliefs.push) / settings.push,
                 np.abs(y).max() / settings.output,
                 abs(dtheta - rate) / settings.rate,
-                abs(self.beliefs.world.tangent) / STEEP,
+                abs(self.beliefs.world.terrain.tangent) / STEEP,
                 CLIMB if self.beliefs.ledge.rise > 0.0 else 0.0,
                 abs(self.beliefs.scales.load) / (HEAVY * self.model.torso.mass),
             )

@@ -6,8 +6,9 @@ import numpy as np
 
 from controller.belief import kernels
 from controller.belief.friction import Friction, cone, excess
+from controller.belief.kernels import Walker
 from controller.common.compiled import Array, compiled
-from controller.plan.dynamics import N_U, N_X, Rates, World, place
+from controller.plan.dynamics import N_U, N_X, Rates, Terrain, place
 
 ROWS = 9  # contact (3), clearance, knees (2), torso (2), hip
 LANDING_ROWS = 14  # state (10), height, descent, length (2)
@@ -56,49 +57,48 @@ class Price(NamedTuple):
 
 
 @compiled
-def foot(world: World, stage: kernels.Stage) -> tuple[float, float, float]:
+def foot(walker: Walker, terrain: Terrain, stage: kernels.Stage) -> tuple[float, float, float]:
     """Swing foot: ahead of the stance foot and above the ground in [m], and the tangent of the ground's slope there."""
     ahead, above = 0.0, 0.0
     for i in range(5):
-        ahead -= world.walker.reach[i] * stage.sin[i]
-        above += world.walker.reach[i] * stage.cos[i]
-    above = above - world.tangent * ahead - world.level
-    if world.rise == 0.0:
-        return ahead, above, world.tangent
-    height, slope = ledge(world, ahead)
-    return ahead, above - height, world.tangent + slope
+        ahead -= walker.reach[i] * stage.sin[i]
+        above += walker.reach[i] * stage.cos[i]
+    above = above - terrain.tangent * ahead - terrain.level
+    if terrain.rise == 0.0:
+        return ahead, above, terrain.tangent
+    height, slope = ledge(terrain, ahead)
+    return ahead, above - height, terrain.tangent + slope
 
 
 @compiled
-def ledge(world: World, ahead: float) -> tuple[float, float]:
+def ledge(terrain: Terrain, ahead: float) -> tuple[float, float]:
     """What a ledge adds to the ground in [m] at a place ahead of the stance foot, and its slope; smooth before it."""
-    part = min(max((ahead - world.edge) / world.ramp + 1.0, 0.0), 1.0)
-    return world.rise * part * part * (3.0 - 2.0 * part), world.rise * 6.0 * part * (1.0 - part) / world.ramp
+    part = min(max((ahead - terrain.edge) / terrain.ramp + 1.0, 0.0), 1.0)
+    return terrain.rise * part * part * (3.0 - 2.0 * part), terrain.rise * 6.0 * part * (1.0 - part) / terrain.ramp
 
 
 @compiled
-def beyond(world: World, x: Array, stage: kernels.Stage) -> World:
-    """The world as the step has it that begins with the landing at a state, (10,)."""
-    if world.rise == 0.0:
-        return world
+def beyond(walker: Walker, terrain: Terrain, x: Array, stage: kernels.Stage) -> Terrain:
+    """The ground as the step has it that begins with the landing at a state, (10,)."""
+    if terrain.rise == 0.0:
+        return terrain
     place(x, stage)
-    ahead, _, _ = foot(world, stage)
-    height, _ = ledge(world, ahead)
-    return World(
-        world.walker, world.lever, world.push, world.tangent, -height, world.edge - ahead, world.rise, world.ramp
-    )  # fmt: skip
+    ahead, _, _ = foot(walker, terrain, stage)
+    height, _ = ledge(terrain, ahead)
+    return Terrain(terrain.tangent, -height, terrain.edge - ahead, terrain.rise, terrain.ramp)
 
 
 @compiled
 def stage_rows(
-    price: Price, world: World, x: Array, least: float, rates: Rates, stage: kernels.Stage, linearise: bool,
-    r: Array, r_x: Array, r_u: Array,
+    price: Price, walker: Walker, terrain: Terrain, x: Array, least: float, rates: Rates, stage: kernels.Stage,
+    linearise: bool, r: Array, r_x: Array, r_u: Array,
 ) -> None:  # fmt: skip
     """Residuals of an interval's soft limits at its beginning, (9,), and where asked for their derivatives.
 
     Args:
         price: Scales.
-        world: Walker and ground.
+        walker: Lumped constants.
+        terrain: The ground of its step.
         x: State, (10,).
         least: Height the swing foot must have over the ground in [m].
         rates: Force, and its derivatives, at x.
@@ -108,9 +108,8 @@ def stage_rows(
         r_x: Filled, (9, 10).
         r_u: Filled, (9, 4).
     """
-    walker = world.walker
     place(x, stage)
-    sine, cosine = world.tangent, 1.0 / np.sqrt(1.0 + world.tangent * world.tangent)
+    sine, cosine = terrain.tangent, 1.0 / np.sqrt(1.0 + terrain.tangent * terrain.tangent)
     sine *= cosine
     fx, fz = rates.force[0], rates.force[1]
     along = rates.column
@@ -118,7 +117,7 @@ def stage_rows(
     limited = 1.0 / price.force if price.friction.penalty > 0.0 else 0.0
     beyond = excess(price.friction, along)
     r[0], r[1], r[2] = limited * beyond[0], limited * beyond[1], limited * beyond[2]
-    _, above, tangent = foot(world, stage)
+    _, above, tangent = foot(walker, terrain, stage)
     r[3] = (least - above) / HEIGHT
     r[4] = (x[2] - x[0] + KNEE) / KNEE
     r[5] = (x[3] - x[1] + KNEE) / KNEE
@@ -154,10 +153,9 @@ def stage_rows(
 
 @compiled
 def landing_rows(
-    price: Price, world: World, x: Array, weight: float, stage: kernels.Stage, r: Array, r_x: Array
+    price: Price, walker: Walker, terrain: Terrain, x: Array, weight: float, stage: kernels.Stage, r: Array, r_x: Array
 ) -> None:
     """Residuals of a landing, (14,), at the state before it, with their derivatives (14, 10)."""
-    walker = world.walker
     r_x[:] = 0.0
     root = np.sqrt(weight)
     for i in range(5):
@@ -166,7 +164,7 @@ def landing_rows(
         r_x[i, i] = root / price.angle
         r_x[5 + i, 5 + i] = root / price.speed
     place(x, stage)
-    ahead, above, tangent = foot(world, stage)
+    ahead, above, tangent = foot(walker, terrain, stage)
     reach = -walker.reach[0] - walker.reach[2]
     rate = 0.0
     for i in range(5):

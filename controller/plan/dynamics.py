@@ -22,6 +22,24 @@ JOINT_LINKS = ((0, 4), (1, 4), (2, 0), (3, 1))
 """Links whose angles differ by a joint's: q = phi[first] - phi[second]."""
 
 
+class Terrain(NamedTuple):
+    """The ground of a step, a line and perhaps a ledge.
+
+    Attributes:
+        tangent: Of its slope, uphill positive.
+        level: At the stance foot in [m].
+        edge: Where a ledge is, ahead of the stance foot in [m].
+        rise: Of the ground there in [m]; 0 without a ledge.
+        ramp: Way before it over which the ground rises, for the sake of derivatives, in [m].
+    """
+
+    tangent: float = 0.0
+    level: float = 0.0
+    edge: float = 0.0
+    rise: float = 0.0
+    ramp: float = 1.0
+
+
 class World(NamedTuple):
     """What a plan is made for: a walker, what pushes it, and the ground.
 
@@ -29,21 +47,13 @@ class World(NamedTuple):
         walker: Lumped constants.
         lever: The push's point of attack as a combination of link directions from the stance foot, in [m], (5,).
         push: Horizontal force there in [N].
-        tangent: Of the ground's slope, uphill positive.
-        level: Of the ground at the stance foot in [m].
-        edge: Where a ledge is, ahead of the stance foot in [m].
-        rise: Of the ground there in [m]; 0 without a ledge.
-        ramp: Way before it over which the ground rises, for the sake of derivatives, in [m].
+        terrain: The ground of this step.
     """
 
     walker: Walker
     lever: Array
     push: float
-    tangent: float
-    level: float
-    edge: float
-    rise: float
-    ramp: float
+    terrain: Terrain
 
 
 class Rates(NamedTuple):

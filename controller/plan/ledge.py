@@ -1,5 +1,7 @@
 """A ledge that the swing foot has run into: where it is, and how high it may be until a foot has stood on it."""
 
+from controller.plan.dynamics import Terrain
+
 BLOW = 0.4  # [m/s] change of the swing foot's speed in a tick that something it met has made
 AIR = 0.005  # [m] above the ground, from which on a foot that is stopped has not landed
 HIGHER = 0.05  # [m] than the foot that met its riser, a ledge may be
@@ -30,6 +32,10 @@ class Ledge:
         """Forget it."""
         self.edge = self.rise = self.level = 0.0
         self.ramp = RAMP
+
+    def terrain(self, tangent: float) -> Terrain:
+        """The ground with it, on a slope of a tangent."""
+        return Terrain(tangent, self.level, self.edge, self.rise, self.ramp)
 
     def met(self, blow: float, ahead: float, height: float, tangent: float) -> bool:
         """Take in a blow to a swing foot that feels no ground; whether it has run into a riser.

@@ -6,9 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.belief import kernels
+from controller.belief.kernels import Walker
 from controller.common.compiled import Array, compiled
 from controller.plan.cost import LANDING_ROWS, ROWS, Price, beyond, landing_rows, stage_rows
-from controller.plan.dynamics import COLUMNS, N_U, N_X, Rates, World, advance, advance_tangent, new_rates, strike
+from controller.plan.dynamics import (
+    COLUMNS,
+    N_U,
+    N_X,
+    Rates,
+    Terrain,
+    World,
+    advance,
+    advance_tangent,
+    new_rates,
+    strike,
+)
 
 EXACT = 3.0  # violation, in its scale, beyond which a soft limit costs in proportion
 TIME_DAMPING = 20.0  # [1/s^2] of a change of a step time, where the cost does not care
@@ -143,8 +155,8 @@ def soft(r: float) -> tuple[float, float]:
 
 
 @compiled
-def _end_cost(price: Price, world: World, x: Array, last: bool, room: Room) -> float:
-    landing_rows(price, world, x, price.last if last else 1.0, room.stage, room.l, room.l_x)
+def _end_cost(price: Price, walker: Walker, terrain: Terrain, x: Array, last: bool, room: Room) -> float:
+    landing_rows(price, walker, terrain, x, price.last if last else 1.0, room.stage, room.l, room.l_x)
     total = 0.0
     for i in range(LANDING_ROWS):
         if i < N_X:
@@ -169,6 +181,7 @@ def assess(
         The cost, and the sums of the gaps' sizes in [rad] and in [rad/s].
     """
     N, P = plan.u.shape[0], plan.T.shape[0]
+    walker, terrain = world.walker, world.terrain
     total, angles, rates = 0.0, 0.0, 0.0
     for p in range(1, P):
         off = (plan.T[p] - price.time) / price.spread
@@ -178,9 +191,9 @@ def assess(
         p = course.phase[n]
         x[:] = plan.x[n]
         if course.impact[n]:
-            total += _end_cost(price, world, x, False, room)
-            strike(world.walker, plan.x[n], room.stage, False, room.J, x)
-            world = beyond(world, plan.x[n], room.stage)
+            total += _end_cost(price, walker, terrain, x, False, room)
+            strike(walker, plan.x[n], room.stage, False, room.J, x)
+            terrain = beyond(walker, terrain, plan.x[n], room.stage)
         else:
             u = plan.u[n]
             for i in range(N_U):
@@ -190,8 +203,8 @@ def assess(
                 if sub == 0:
                     advance(world, u, h, room.stage, room.start, room.rest, x)
                     stage_rows(
-                        price, world, plan.x[n], course.least[n], room.start, room.stage, False, room.r, room.r_x,
-                        room.r_u,
+                        price, walker, terrain, plan.x[n], course.least[n], room.start, room.stage, False, room.r,
+                        room.r_x, room.r_u,
                     )  # fmt: skip
                     for i in range(ROWS):
                         if room.r[i] > 0.0:
@@ -204,7 +217,7 @@ def assess(
                 angles += abs(gaps[n, i])
             else:
                 rates += abs(gaps[n, i])
-    total += _end_cost(price, world, plan.x[N], True, room)
+    total += _end_cost(price, walker, terrain, plan.x[N], True, room)
     return total, angles, rates
 
 
@@ -213,6 +226,7 @@ def model(price: Price, world: World, course: Course, plan: Motion, room: Room, 
     """The linear-quadratic (Gauss-Newton) model about a motion."""
     N, P = plan.u.shape[0], plan.T.shape[0]
     n = N_X + P
+    walker, terrain = world.walker, world.terrain
     out.A[:] = 0.0
     out.B[:] = 0.0
     out.gap[:] = 0.0
@@ -229,10 +243,10 @@ def model(price: Price, world: World, course: Course, plan: Motion, room: Room, 
         for m in range(P):
             A[N_X + m, N_X + m] = 1.0
         if course.impact[s]:
-            _end_cost(price, world, plan.x[s], False, room)
+            _end_cost(price, walker, terrain, plan.x[s], False, room)
             _square(room.l, room.l_x, H, g)
-            strike(world.walker, plan.x[s], room.stage, True, room.J, x)
-            world = beyond(world, plan.x[s], room.stage)
+            strike(walker, plan.x[s], room.stage, True, room.J, x)
+            terrain = beyond(walker, terrain, plan.x[s], room.stage)
             for i in range(N_X):
                 out.gap[s, i] = x[i] - plan.x[s + 1, i]
                 for m in range(N_X):
@@ -261,14 +275,14 @@ def model(price: Price, world: World, course: Course, plan: Motion, room: Room, 
             A[i, N_X + p] = S[i, N_X + N_U]
         r = out.r[s]
         stage_rows(
-            price, world, plan.x[s], course.least[s], room.start, room.stage, True, r, out.r_x[s], out.r_u[s]
+            price, walker, terrain, plan.x[s], course.least[s], room.start, room.stage, True, r, out.r_x[s], out.r_u[s]
         )  # fmt: skip
         for row in range(ROWS):
             out.weight[s, row] = soft(max(r[row], 0.0))[1]
         for i in range(N_U):
             H[n + i, n + i] += price.torque
             g[n + i] += price.torque * plan.u[s, i]
-    _end_cost(price, world, plan.x[N], True, room)
+    _end_cost(price, walker, terrain, plan.x[N], True, room)
     _square(room.l, room.l_x, out.H_end, out.g_end)
     for p in range(1, P):
         out.H_end[N_X + p, N_X + p] += 1.0 / (price.spread * price.spread)

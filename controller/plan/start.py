@@ -11,7 +11,7 @@ from controller.common.compiled import Array, compiled
 from controller.common.records import Vector
 from controller.common.settings import PlanSettings
 from controller.plan.cost import Price
-from controller.plan.dynamics import World
+from controller.plan.dynamics import Terrain, World
 from controller.plan.solve import Workspace, improve, new_workspace
 
 DT = 5e-4  # [s]
@@ -29,7 +29,7 @@ def links(q: Vector) -> Vector:
 def world(model: WalkerModel) -> World:
     """The walker undisturbed on level ground."""
     lever = np.array([model.lumped.reach[0], 0.0, model.lumped.reach[2], 0.0, model.torso.com])
-    return World(model.lumped, lever, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    return World(model.lumped, lever, 0.0, Terrain())
 
 
 def price(model: WalkerModel, gait: Gait, settings: PlanSettings, friction: Friction, time: float) -> Price:
