@@ -163,7 +163,7 @@ def test_a_ledge_just_ahead_is_not_under_the_stance_foot(belief):
     before = np.concatenate([start.links(belief.gait.q_minus), np.zeros(5)])
     dynamics.place(before, stage)
     length, above, _ = cost.foot(walker, terrain, stage)
-    then = cost.beyond(walker, terrain, before, stage)
+    then = cost.next_terrain(walker, terrain, before, stage)
     assert then.level == -ledge.rise and then.edge == pytest.approx(ledge.edge - length)
     assert above == pytest.approx(-ledge.rise, abs=1e-3)
 

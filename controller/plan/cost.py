@@ -78,7 +78,7 @@ def ledge(terrain: Terrain, ahead: float) -> tuple[float, float]:
 
 
 @compiled
-def beyond(walker: Walker, terrain: Terrain, x: Array, stage: kernels.Stage) -> Terrain:
+def next_terrain(walker: Walker, terrain: Terrain, x: Array, stage: kernels.Stage) -> Terrain:
     """The ground as the step has it that begins with the landing at a state, (10,)."""
     if terrain.rise == 0.0:
         return terrain

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from controller.belief import kernels
 from controller.belief.kernels import Walker
 from controller.common.compiled import Array, compiled
-from controller.plan.cost import LANDING_ROWS, ROWS, Price, beyond, landing_rows, stage_rows
+from controller.plan.cost import LANDING_ROWS, ROWS, Price, landing_rows, next_terrain, stage_rows
 from controller.plan.dynamics import (
     COLUMNS,
     N_U,
@@ -193,7 +193,7 @@ def assess(
         if course.impact[n]:
             total += _end_cost(price, walker, terrain, x, False, room)
             strike(walker, plan.x[n], room.stage, False, room.J, x)
-            terrain = beyond(walker, terrain, plan.x[n], room.stage)
+            terrain = next_terrain(walker, terrain, plan.x[n], room.stage)
         else:
             u = plan.u[n]
             for i in range(N_U):
@@ -246,7 +246,7 @@ def model(price: Price, world: World, course: Course, plan: Motion, room: Room, 
             _end_cost(price, walker, terrain, plan.x[s], False, room)
             _square(room.l, room.l_x, H, g)
             strike(walker, plan.x[s], room.stage, True, room.J, x)
-            terrain = beyond(walker, terrain, plan.x[s], room.stage)
+            terrain = next_terrain(walker, terrain, plan.x[s], room.stage)
             for i in range(N_X):
                 out.gap[s, i] = x[i] - plan.x[s + 1, i]
                 for m in range(N_X):
