@@ -7,8 +7,10 @@ import sys
 import weakref
 
 import numpy as np
+import pytest
 from conftest import ROOT
 from numba import njit
+from numba.core.errors import NumbaError
 
 from controller.common.held import Held, held
 
@@ -38,6 +40,11 @@ def test_compiled_code_reads_and_writes_the_arrays_of_python():
 
 
 @njit
+def held_first(those):
+    return held(those)[0]
+
+
+@njit
 def listed(those):
     narrow, flag, (x, pair), one, code, y = held(those)
     return (narrow, flag, pair[0], pair[1], one, code, x[1, 2], y[3], x.strides[1], y.strides[0], x.size)
@@ -48,6 +55,16 @@ def test_numbers_of_every_kind_lie_where_compiled_code_looks():
     x, y = np.arange(12.0).reshape(3, 4)[:, ::-1], np.arange(8)[::2]
     value = np.int8(-3), True, (x, (7, 8)), np.float32(0.5), np.int32(1 << 20), y
     assert listed(Held(value)) == (-3, True, 7, 8, 0.5, 1 << 20, 5.0, 6, -8, 16, 12)
+
+
+def test_what_compiled_code_would_read_otherwise_is_refused():
+    """Nor is one class of arrays taken for another, whatever came first."""
+    with pytest.raises(TypeError, match=r"complex128 cannot be handed over"):
+        Held((1.0, 1j))
+    assert mark(Held(outer(np.arange(4.0)))) == 14.0
+    with pytest.raises(NumbaError, match="MaskedArray"):
+        Held(outer(np.ma.array(np.arange(4.0), mask=[0, 1, 0, 0])))
+    assert held_first(Held((np.uint8(200), 0.5))) == 200
 
 
 def test_arrays_live_as_long_as_the_handle_and_no_longer():

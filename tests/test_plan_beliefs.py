@@ -112,7 +112,7 @@ def test_scales_feel_a_blow_to_the_swing_foot_and_take_it_for_no_load(belief, sp
     world, stage, rates = start.world(belief.model), kernels.new_stage(), dynamics.new_rates()
     for stands in (True, False):
         scales, y = Scales(belief.model, world, PERIOD, 0.0), x.copy()
-        for _ in range(3):
+        for _ in range(30):
             scales.update(y, np.zeros(4), stands=True, exchanged=False)
             dynamics.advance(world, np.zeros(4), PERIOD, stage, rates, rates, y)
         arm = -world.walker.reach * np.cos(y[:5])  # of the foot's speed forward
@@ -122,10 +122,23 @@ def test_scales_feel_a_blow_to_the_swing_foot_and_take_it_for_no_load(belief, sp
         assert scales.weighs == (stands and felt == 0.0)
 
 
+@pytest.mark.parametrize("noise", [0.05, 0.2, 1.0])
+def test_noise_is_no_blow(belief, noise):
+    """Of rates, in [rad/s], white: not once in three seconds."""
+    q, _ = belief.gait.post_impact(belief.model)
+    x = np.concatenate([start.links(q), np.zeros(5)])
+    scales, rng = Scales(belief.model, start.world(belief.model), PERIOD, 0.0), np.random.default_rng(7)
+    for _ in range(3000):
+        scales.update(
+            x + np.concatenate([np.zeros(5), rng.normal(0, noise, 5)]), np.zeros(4), stands=True, exchanged=False
+        )
+        assert scales.blow == 0.0
+
+
 def test_a_foot_stopped_in_the_air_has_met_a_ledge():
     """How high it is, is a guess until one foot stands on it, and of no matter when both do."""
     ledge = Ledge()
-    assert not ledge.met(-0.1, 0.2, 0.03, 0.0) and not ledge.met(-2.0, 0.2, 0.003, 0.0)  # no blow; on the ground
+    assert not ledge.met(0.0, 0.2, 0.03, 0.0) and not ledge.met(-2.0, 0.2, 0.003, 0.0)  # no blow; on the ground
     assert not ledge.met(2.0, 0.2, 0.03, 0.0) and ledge.rise == 0.0  # from behind
     assert ledge.met(-2.0, 0.2, 0.03, 0.0)
     assert 0.06 < ledge.rise < 0.1 and 0.18 < ledge.edge < 0.2 and ledge.level == 0.0

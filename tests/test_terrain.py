@@ -115,6 +115,21 @@ def test_a_foot_against_a_riser_has_not_landed() -> None:
     assert (state["contact"][pressed & ~aloft] != 0).all()
 
 
+@pytest.mark.parametrize("width", [0.0031, 0.0035])
+def test_a_foot_that_rests_on_both_edges_of_a_slot_stands(width) -> None:
+    """A slot nearly as wide as the foot under where it stands: it touches nothing below, and no riser."""
+    slot = Ledge(height=-0.02, position=-width / 2), Ledge(height=0.02, position=width / 2)
+    walker = plant(ledges=slot)
+    walker.reset(Q, np.zeros(5), "left")
+    stood = []
+    for _ in range(60):
+        walker.hold(np.array([20.0, -5.0, 10.0, 0.0]))
+        state = walker.state()
+        if state.contact_force[0, 1] > 50.0:
+            stood.append(state.contact[0])
+    assert len(stood) > 10 and all(stood)
+
+
 def test_boxes_push_as_the_plane_does() -> None:
     """A ledge of no height far away turns the plane into boxes; the walker must not notice."""
     ends = []

@@ -71,7 +71,15 @@ def mark(value: Any) -> Any:
         return (type(value), *map(mark, value))
     if isinstance(value, np.ndarray):
         flags = value.flags
-        return value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable
+        return (
+            type(value),
+            value.dtype,
+            value.ndim,
+            flags.c_contiguous,
+            flags.f_contiguous,
+            flags.aligned,
+            flags.writeable,
+        )
     return type(value)
 
 
@@ -101,11 +109,14 @@ def _numbers(kind: Any, layout: Any, target: Any, at: int) -> Iterator[tuple[int
             else:
                 below, offset = layout.elements[number], layout.get_element_offset(target, number)
             yield from _numbers(part, below, target, at + offset)
+    elif (code := _CODES.get(str(layout))) is not None:
+        unsigned = not getattr(kind, "signed", True)
+        yield at, code.upper() if unsigned else code
     else:
-        yield at, _CODES[layout.intrinsic_name]
+        raise TypeError(f"{kind} cannot be handed over: must be arrays, numbers and flags, in tuples or not")
 
 
-_CODES = {"i1": "?", "i8": "b", "i16": "h", "i32": "i", "i64": "q", "f32": "f", "f64": "d"}
+_CODES = {"i1": "?", "i8": "b", "i16": "h", "i32": "i", "i64": "q", "float": "f", "double": "d"}
 
 
 def _values(value: Any) -> Iterator[Any]:

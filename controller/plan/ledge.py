@@ -2,7 +2,6 @@
 
 from controller.plan.dynamics import Terrain
 
-BLOW = 0.4  # [m/s] change of the swing foot's speed in a tick that something it met has made
 AIR = 0.005  # [m] above the ground, from which on a foot that is stopped has not landed
 HIGHER = 0.05  # [m] than the foot that met its riser, a ledge may be
 BEFORE = 0.01  # [m] it, a foot must be as high
@@ -41,13 +40,13 @@ class Ledge:
         """Take in a blow to a swing foot that feels no ground; whether it has run into a riser.
 
         Args:
-            blow: Change of its speed in a tick that nothing known explains in [m/s], forward.
+            blow: Change of its speed in a tick that nothing known explains in [m/s], forward; 0 without one.
             ahead: Of the stance foot in [m].
             height: Above the stance foot in [m].
             tangent: Of the ground's slope.
         """
         above = height - tangent * ahead
-        if blow > -BLOW or above - self.level < AIR:
+        if blow >= 0.0 or above - self.level < AIR:
             return False
         if not (self.level < 0.0 and ahead < RAMP):  # or else it is the one that the stance foot is on
             self.level, self.rise = 0.0, above + HIGHER

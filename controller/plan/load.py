@@ -20,11 +20,13 @@ from controller.belief.lumped import lump
 from controller.common.compiled import Array, compiled
 from controller.common.records import Vector
 from controller.plan.dynamics import N_X, Rates, World, accelerate, new_rates
-from controller.plan.ledge import BLOW
 
 MEMORY = 0.3  # [s] that is looked back
 CALM = 0.03  # [s] over which the push is averaged
 DOUBT = 0.002  # [rad^2/s^3/kg^2] the integral of b'^2 at which a load is believed by half
+BLOW = 0.4  # [m/s] least change of the swing foot's speed in a tick that something it met has made
+SURE = 6.0  # times what such changes are by noise
+FEW = 20  # ticks that tell nothing of the noise yet
 QUANTUM = 0.25  # [kg] a load believed in changes by
 
 
@@ -107,8 +109,8 @@ class Scales:
         world: The walker with it, unpushed on level ground.
         gyration: Square of the torso's radius of gyration in [m^2].
         weighs: Whether the last tick told a load: no landing lasts, and no blow came.
-        blow: Change of the swing foot's speed in it that nothing known explains in [m/s], forward; 0 while a
-            landing lasts.
+        blow: Change of the swing foot's speed in it that is more than noise and that nothing known explains in [m/s],
+            forward, or 0.
     """
 
     def __init__(self, model: WalkerModel, undisturbed: World, period: float, skip: float) -> None:
@@ -124,6 +126,7 @@ class Scales:
         """Nothing is on the scales."""
         self.load, self.push, self.world = 0.0, 0.0, self._bare
         self.blow = 0.0
+        self._noise, self._ticks = 0.0, 0  # mean square of the changes of the foot's speed, and of how many
         self._square = self._product = 0.0  # integrals of b'^2 and b' r' over the time looked back
         self._wait, self.weighs = 1, False
 
@@ -142,13 +145,13 @@ class Scales:
         self._wait = max(self._wait - 1, 0)
         self.blow = 0.0
         if moves:
-            along, per_load, square, product, self.blow = weigh(
+            along, per_load, square, product, change = weigh(
                 self._bare, self.world, self.gyration, self._period, self._before, x, u, self._stage, self._start,
                 self._end,
             )  # fmt: skip
-        rests = stands and abs(self.blow) < BLOW
-        self.weighs = moves and rests
-        if not rests:
+            self.blow = self._beyond_noise(change)
+        self.weighs = moves and stands and self.blow == 0.0
+        if not stands or self.blow != 0.0:
             self._wait = self._skip - 1
         if self.weighs:
             self._square = self._kept * self._square + square * self._period
@@ -157,6 +160,14 @@ class Scales:
             self.push += self._period / CALM * (along - load * per_load - self.push)
             self._believe(load)
         self._before[:] = x
+
+    def _beyond_noise(self, change: float) -> float:
+        """A change of the swing foot's speed, or 0 where it is none but for noise."""
+        limit = max(BLOW, SURE * np.sqrt(self._noise)) if self._ticks >= FEW else np.inf
+        self._ticks += 1
+        usual = min(change * change, limit * limit)
+        self._noise += max(self._period / MEMORY, 1.0 / self._ticks) * (usual - self._noise)
+        return change if abs(change) > limit else 0.0
 
     def _believe(self, load: float) -> None:
         model, torso = self._model, self._model.torso

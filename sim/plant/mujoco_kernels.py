@@ -15,7 +15,7 @@ from sim.plant.engine import mj_step, pointer, whole_pointer
 from sim.plant.rows import COS, DIVERGED, FINE, INTERCEPT, NO_TORQUE, SIN, facet_under, height_under
 
 TORSO = 4
-SOLE = 0.7  # of a foot's radius to each side of its centre, on which it can stand
+BESIDE = 1.2  # of a foot's radius from its centre, where a riser is that it touches
 WARNING_STRIDE = 2  # whole numbers from one kind of MuJoCo's warnings to the next: its last detail, its number
 WORK = np.dtype(
     [
@@ -89,16 +89,16 @@ def look(work: Any, ground: Array, state: Any, seen: Any, i: int) -> None:
 
 @nested
 def _stands(w: Any, ground: Array, x: float, z: float) -> bool:
-    """Whether ground that a foot touches, its centre at (x, z) in [m], is under it: not the riser of a ledge."""
-    if ground.shape[0] == 1:
+    """Whether a foot that touches ground, its centre at (x, z) in [m], stands: what it touches is no riser beside it.
+
+    Where it touches nothing below, and the ground is higher than its centre to one side, it touches that; to both
+    sides, it stands wedged in.
+    """
+    if ground.shape[0] == 1 or z - height_under(ground, x) <= 2.0 * w.radius:
         return True
-    if z - height_under(ground, x) <= 2.0 * w.radius:
-        return True
-    for side in (-SOLE * w.radius, SOLE * w.radius):
-        above = z - height_under(ground, x + side)
-        if 0.0 <= above <= 2.0 * w.radius:
-            return True
-    return False
+    side = BESIDE * w.radius
+    behind, ahead = height_under(ground, x - side) > z, height_under(ground, x + side) > z
+    return behind == ahead
 
 
 @compiled
