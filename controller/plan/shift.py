@@ -63,10 +63,11 @@ def exchange(plan: Motion, K: Array, time: float) -> None:
         plan.T[p] = plan.T[p + 1]
         for j in range(intervals + 1):
             new, old = p * (intervals + 1) + j, (p + 1) * (intervals + 1) + j
-            plan.x[new] = plan.x[old]
+            for m in range(N_X):
+                plan.x[new, m] = plan.x[old, m]
             if j < intervals:
-                plan.u[new] = plan.u[old]
                 for m in range(N_U):
+                    plan.u[new, m] = plan.u[old, m]
                     for c in range(n):
                         K[new, m, c] = K[old, m, c] if c < N_X else 0.0
     plan.T[P - 1] = time
