@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fakes import Tape
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.bridge.run import run_scenario
 from sim.errors import UserError
-from sim.loop import NoTape
 from sim.plant import MujocoPlant
 from sim.plant.terrain import Terrain
 from sim.scenario import GroundSettings, PlantSettings, load, with_values
@@ -18,16 +18,6 @@ from sim.scenario.plant import Ledge, Patch, Ramp, RoughSettings
 
 MJCF = Path(__file__).parent.parent / "models/rabbit/rabbit.xml"
 Q = np.array([3.54, 2.92, -0.36, -0.15, 0.015])  # [rad], the gait's posture after impact
-
-
-class Truth(NoTape):
-    """Keeps every tick's state."""
-
-    def __init__(self) -> None:
-        self.states: list = []
-
-    def ticks(self, ticks) -> None:
-        self.states.append(ticks.state.copy())
 
 
 def terrain(seed: int = 0, length: float = 5.0, **values: object) -> Terrain:
@@ -106,13 +96,14 @@ def test_a_foot_rests_on_the_facet_it_stands_on() -> None:
 def test_a_foot_against_a_riser_has_not_landed() -> None:
     """It touches the ledge's face in mid-step, which is ground, but nothing to stand on."""
     ledge = {"plant.ground.ledges.0.height": 0.06, "plant.ground.ledges.0.position": 1.0, "controller.kind": "zd-pd"}
-    tape = Truth()
+    tape = Tape()
     run_scenario(with_values(load("undisturbed"), ledge | {"steps": 3}), tape=tape)
-    state = np.concatenate(tape.states)
-    pressed = np.abs(state["contact_force"]).max(axis=2) > 100.0
-    aloft = state["clearance"] > 0.01
-    assert (pressed & aloft).any() and not (state["contact"][aloft] != 0).any()
-    assert (state["contact"][pressed & ~aloft] != 0).all()
+    states = [state for _, state, *_ in tape.told]
+    pressed = np.abs([state.contact_force for state in states]).max(axis=2) > 100.0
+    aloft = np.array([state.clearance for state in states]) > 0.01
+    contact = np.array([state.contact for state in states])
+    assert (pressed & aloft).any() and not contact[aloft].any()
+    assert contact[pressed & ~aloft].all()
 
 
 @pytest.mark.parametrize("width", [0.0031, 0.0035])
