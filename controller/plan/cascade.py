@@ -55,7 +55,9 @@ class PlanCascade(Law):
         self.beliefs = Beliefs(self.model, undisturbed, period, observer.tuning.impact_time)
         self.share = Share(settings, period)
         self.reset("left")
-        self._forecast(self.planner.landing).outputs()  # compiled, or loaded, before the first picture of it
+        replace(
+            self._forecast(self.planner.landing), horizon=0.0
+        ).outputs()  # compiled, or loaded, before the first tick
 
     def reset(self, stance: str) -> None:
         """Forget the past; `stance` is the leg that stands now, "left" or "right"."""

@@ -12,7 +12,7 @@ from controller.plan.dynamics import N_U, N_X, World, advance, new_rates, strike
 from controller.plan.motion import Motion
 from controller.plan.planner import Followed, act
 
-HORIZON = 0.5  # [s] looked ahead, or up to the plan's end
+HORIZON = 0.5  # [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,6 +25,7 @@ class Forecast:
         limit: Torque limits in [N.m], (4,).
         period: Of a tick in [s].
         x: State measured, (10,).
+        horizon: Time looked ahead, or up to the plan's end, in [s].
     """
 
     followed: Followed
@@ -32,6 +33,7 @@ class Forecast:
     limit: Array
     period: float
     x: Vector
+    horizon: float = HORIZON
 
     def outputs(self) -> Vector:
         """Predicted outputs in [rad] at each tick, (ticks + 1, 4), stance order of its step."""
@@ -42,7 +44,7 @@ class Forecast:
         return self._seen()[1]
 
     def _seen(self) -> tuple[Vector, Vector]:
-        f, ticks = self.followed, round(HORIZON / self.period)
+        f, ticks = self.followed, round(self.horizon / self.period)
         y, force = np.empty((ticks + 1, N_U)), np.empty((ticks, 2))
         seen = look(
             f.world, self.gait, f.plan, f.K, self.limit, f.since, self.period, ticks, self.x.copy(),

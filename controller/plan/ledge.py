@@ -2,15 +2,15 @@
 
 from controller.plan.dynamics import Terrain
 
-AIR = 0.005  # [m] above the ground, from which on a foot that is stopped has not landed
-HIGHER = 0.05  # [m] than the foot that met its riser, a ledge may be
-BEFORE = 0.01  # [m] it, a foot must be as high
-RAMP = 0.03  # [m] before it over which the ground rises to it
-NEAR = 0.004  # [m] the stance foot is before it at least
-SPARE = 0.015  # [m] that the other foot is lifted higher than it is
-LOW = 0.01  # [m]: a ledge that turns out to be lower is none
-PAST = 0.02  # [m] it, a foot that feels no ground tells that it is lower
-UNDER = 2e-3  # [m] such a foot the ground is
+AIR = 0.005  # [m] above the ground a foot that is stopped has not landed
+HIGHER = 0.05  # [m] that a ledge is believed higher than the foot that met its riser
+SPARE = 0.015  # [m] the same for the other foot, once one has stood on it
+LOW = 0.01  # [m] of difference between two footholds that no ledge makes
+BEFORE = 0.01  # [m] before the place where a foot met it, the ground is believed to have risen
+RAMP = 0.03  # [m] of way over which it rises
+NEAR = 0.004  # [m] that a stance foot at its riser is believed before it, at least
+PAST = 0.02  # [m] past the edge a swing foot without contact, or a landing, tells that it is lower
+UNDER = 2e-3  # [m] the ground is believed under such a swing foot
 
 
 class Ledge:

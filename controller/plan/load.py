@@ -11,6 +11,7 @@ the torque, which the observer does not; a motor's error comes out as a load and
 """
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -80,9 +81,9 @@ def weigh(
         measured[i] = (after[5 + i] - x[5 + i]) / period
         error[i] = measured[i] - 0.5 * (start.acceleration[i] + end.acceleration[i])
         push[i] = -bare.lever[i] * stage.cos[i]
-    blow = 0.0
+    change = 0.0
     for i in range(5):
-        blow -= bare.walker.reach[i] * stage.cos[i] * error[i] * period
+        change -= bare.walker.reach[i] * stage.cos[i] * error[i] * period
     cholesky5_solve(stage.L, push)
     _moves(bare, gyration, x, measured, stage, load)
     _moves(bare, gyration, x, expected, stage, guess)
@@ -97,7 +98,7 @@ def weigh(
         across = guess[i] - pg / pp * push[i]
         gl += across * load[i]
         ge += across * error[i]
-    return pe / pp, pl / pp, gl, ge, blow
+    return pe / pp, pl / pp, gl, ge, change
 
 
 class Scales:
@@ -163,7 +164,7 @@ class Scales:
 
     def _beyond_noise(self, change: float) -> float:
         """A change of the swing foot's speed, or 0 where it is none but for noise."""
-        limit = max(BLOW, SURE * np.sqrt(self._noise)) if self._ticks >= FEW else np.inf
+        limit = max(BLOW, SURE * math.sqrt(self._noise)) if self._ticks >= FEW else math.inf
         self._ticks += 1
         usual = min(change * change, limit * limit)
         self._noise += max(self._period / MEMORY, 1.0 / self._ticks) * (usual - self._noise)

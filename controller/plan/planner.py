@@ -102,7 +102,7 @@ class Planner:
         self._delay, self._every = round(settings.delay / period), max(1, round(settings.every / period))
         self._making, self._K, self._plan = new_workspace(P, K), np.zeros_like(gait.K), new_motion(P, K)
         self._scratch = np.zeros_like(gait.K)
-        exchange(self._making.plan, self._making.K, price.time)  # compiled, or loaded, before the first landing
+        exchange(self._making.plan, self._making.K, price.time)  # compiled, or loaded, before the first tick
         self.reset()
 
     def reset(self) -> None:
